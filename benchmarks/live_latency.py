@@ -37,7 +37,8 @@ from gelforge.learning.basis.scaling import Scaling  # noqa: E402
 from gelforge.learning.deployment.onnx_export import onnx_bytes  # noqa: E402
 from gelforge.learning.deployment.onnx_model import OnnxModel, model_of, open_for_prediction  # noqa: E402
 from gelforge.learning.deployment.predictor import Predictor  # noqa: E402
-from gelforge.learning.models.familiarity import find_familiar  # noqa: E402
+from gelforge.learning.elasticity.check import Check  # noqa: E402
+from gelforge.learning.elasticity.inverse import Inverse  # noqa: E402
 from gelforge.learning.models.model_file import Model  # noqa: E402
 from gelforge.learning.models.reliability import Intervals, Zero  # noqa: E402
 from gelforge.learning.networks import make_network  # noqa: E402
@@ -66,10 +67,13 @@ def untrained(scale: float, preset: str) -> OnnxModel:
     }
     of_bins = np.linspace(0.01, 0.1, 7), np.ones((8, 3)), np.ones((8, 3))
     of_totals = np.linspace(0.1, 1, 5), np.ones((6, 3)), np.ones((6, 3))
+    # worked out for each frame, too; 234 singular values are the benchmark study's
     rng = np.random.default_rng(0)
-    inputs = rng.normal(0, rng.uniform(0, 1, (200, 1)), (200, 2 * REGIONS**2)).astype(np.float32)
-    familiar = find_familiar(inputs, np.arange(200) % 20)  # is worked out for each frame, too
-    model = Model(network, scaling, settings, Zero(), Intervals(*of_bins, *of_totals), familiar)
+    parts = (np.linalg.qr(rng.normal(size=(n, 234)))[0] for n in (2 * REGIONS**2, 3 * BINS**2))
+    left, right = (part.astype(np.float32) for part in parts)
+    inverse = Inverse(left, np.geomspace(1600, 5, 234).astype(np.float32), right, 0.45)
+    intervals, check = Intervals(*of_bins, *of_totals), Check(np.ones(3), 0.2)
+    model = Model(network, scaling, settings, Zero(), intervals, inverse, check)
     return model_of(onnx_bytes(model, ""), "untrained")
 
 

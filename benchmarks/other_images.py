@@ -1,4 +1,4 @@
-"""What a network makes of images of other particles, cameras, lenses and gels: its errors, and how many images it flags.
+"""What a network makes of images of other particles, cameras, lenses and gels: its errors, and how many images are marked.
 
 usage: python benchmarks/other_images.py [results/benchmark] [--data data/benchmark] [--gels results/other_gels]
        (one thread; two minutes, and ten CPU seconds for each cell of another gel, which is kept)
@@ -153,9 +153,10 @@ def test_presses(
 
 
 def errors(model: Model, features: np.ndarray, label: np.ndarray, grid: tuple) -> dict[str, float]:
-    found = force_errors(model.predict(features), label, np.zeros(len(label), bool), grid)
+    force = model.predict(features)
+    found = force_errors(force, label, np.zeros(len(label), bool), grid)
     shown = {name: found[name] for name in ("RMSES z [mN]", "total Fz [mN]", "CoP median [mm]")}
-    return shown | {"flagged [%]": 100 * float((model.unlike(features) > 1).mean())}
+    return shown | {"marked [%]": 100 * float((model.disagreement(features, force) > 1).mean())}
 
 
 def kept(path: Path, study: Study, lab: VirtualLab, planned: PlannedCell) -> Cell:

@@ -43,7 +43,7 @@ ROOMS = {
     "config": ("basis", "parts", "sessions", "studies", "foreign"),
     "indentation": ("sensor", "paths", "effects", "cells", "planning", "solving"),
     "recording": ("tables", "imaging", "optics", "plausibility"),
-    "learning": ("basis", "networks", "models", "training", "judging", "deployment"),
+    "learning": ("basis", "elasticity", "networks", "models", "training", "judging", "deployment"),
     "materials": ("imaging", "basis", "plausibility", "small_tests", "readers", "covariates", "fitting"),
     "report": ("figures", "chapters", "verdict"),
     "cli": ("common", "extras", "products", "camera", "study", "by_hand", "model", "jobs"),

@@ -31,8 +31,8 @@ def predict(
     Yields
     ------
     Prediction
-        `force_N` (B, 3) on the sensor [N], `time_s`, and `unlike`: beyond 1 the image is unlike those that the model learnt
-        from.
+        `force_N` (B, 3) on the sensor [N], `time_s`, and `disagreement`: beyond 1 the total force is not that of inverse
+        elasticity, nan where that is not known.
 
     Raises
     ------

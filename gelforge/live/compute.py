@@ -148,7 +148,7 @@ class LiveForce:
         image = mark(self.image_of(shot.frame))
         flow = mark(self.extract.flow(image))
         feature = mark(self.extract.of_flow(flow))
-        force, unlike = mark(self.predictor.answer(feature))
+        force, disagreement = mark(self.predictor.follow(feature))
         batch = force[None]
         bars = (
             (model.intervals.of_true_bins(batch)[0], model.intervals.of_true_totals(batch)[0])
@@ -158,8 +158,11 @@ class LiveForce:
         place = centre_of_pressure(batch, *self.grid)[0] if force[:, 2].any() else np.array([np.nan, np.nan])
         mark(place)
         warnings = mark(self.look.warnings(image))
-        if unlike > 1:
-            warning = f"the image is unlike the training images ({unlike:.1f} times the limit): do not rely on its force"
+        if disagreement > 1:
+            warning = (
+                f"the total force is not that of inverse elasticity ({disagreement:.1f} times the usual difference): do not "
+                "rely on it"
+            )
             warnings = (*warnings, warning)
         return Reading(
             shot.number,

@@ -56,9 +56,9 @@ class MeanModel:
         force[:, 6, 2] = -0.1 * np.maximum(feature[:, :16].mean(axis=1) - 0.2, 0)
         return force
 
-    def answer(self, feature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The image is unlike where its mean magnitude is beyond 5 px."""
-        return self.predict(feature), np.atleast_2d(feature)[:, :16].mean(axis=1) / 5
+    def follow(self, feature: np.ndarray, state=None) -> tuple[np.ndarray, np.ndarray, None]:
+        """The total disagrees where the mean magnitude is beyond 5 px."""
+        return self.predict(feature), np.atleast_2d(feature)[:, :16].mean(axis=1) / 5, state
 
 
 def force_of(reference: np.ndarray | None = STILL, scale: float = 1.0) -> LiveForce:

@@ -12,6 +12,8 @@ from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.learning.basis.data import training_and_validation
+from gelforge.learning.elasticity.inverse import Inverse
+from gelforge.learning.judging.baselines import fit_inverse
 from gelforge.learning.judging.evaluation import (
     baselines_table,
     errors_by_table,
@@ -155,6 +157,34 @@ def test_scikit_learns_baselines_stand_beside(evaluated):
             said = file[f"baselines/{name}"][()].astype(float)
         assert table.loc[name, "RMSES_z_N"] == pytest.approx(naive_rmse(said, true, 2, True), rel=1e-9)
         assert table.loc[name, "RMSES_z_N"] < table.loc["zero", "RMSES_z_N"]
+
+
+def test_inverse_elasticity_stands_beside_with_its_gain():
+    """Forces of an operator's own flow need the gain that its penalties take; no other number is fitted."""
+    rng = np.random.default_rng(1)
+    inverse = Inverse.of(rng.normal(size=(2, 64, 25, 3)), 0.45)
+    force = np.zeros((40, 25, 3))
+    force[np.arange(40), rng.integers(0, 25, 40)] = [0.0, 0.1, -0.5]
+    force[::4] = 0
+    flow = np.einsum("fk,k,bk,nb->nf", inverse.left, inverse.singular, inverse.right, force.reshape(40, -1))
+    u, v = flow.reshape(40, 2, -1).transpose(1, 0, 2)
+    feature = np.concatenate([np.hypot(u, v), np.arctan2(v, u)], axis=1).astype("f4")
+
+    class Rows:
+        def read(self, index, names):
+            block = {
+                "feature": feature,
+                "force_distribution_N": 2 * force,
+                "untouched": ~force.any(axis=(1, 2)),
+            }
+            return {name: block[name][index] for name in names}
+
+    found = fit_inverse(Rows(), np.arange(40), inverse, (5, 5, np.array([5.0, 5.0])), 1)
+    total = found.predict(feature)[..., 2].sum(axis=1)
+    np.testing.assert_allclose(total, 2 * force[..., 2].sum(axis=1), atol=0.02)
+    assert 2 < found.gain < 2.5
+    assert not total[::4].any()
+    assert fit_inverse(Rows(), np.empty(0, int), inverse, (5, 5, np.array([5.0, 5.0])), 1).gain == 1
 
 
 def test_errors_by_class_share_out_the_rows(evaluated):

@@ -336,18 +336,18 @@ def test_a_folder_with_as_many_recordings_as_allowed_takes_no_more(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_a_camera_that_flickers_between_like_and_unlike_prints_little():
-    """300 frames of which every other, the moved one, is unlike those of training."""
+def test_totals_that_flicker_between_agreement_and_none_print_little():
+    """300 frames of which the total of every other, the moved one, disagrees."""
     with LiveRun() as run, connect(run.url) as client:
         model = run.force.predictor.model
-        model.answer = lambda feature: (model.predict(feature), np.array([feature[:16].mean()]))
+        model.follow = lambda feature, state: (model.predict(feature), np.array([feature[:16].mean()]), None)
         until(lambda: run.server.clients == 1)
         for _ in range(150):
             for image in (STILL, MOVED):
                 run.source.hand(image)
                 warned = received(client)["warnings"]
-            assert any("unlike the training images" in text for text in warned)
-    said = [text for text in run.said if "unlike the training images" in text]
+            assert any("not that of inverse elasticity" in text for text in warned)
+    said = [text for text in run.said if "not that of inverse elasticity" in text]
     assert len(said) == 1 and "150 times in the last" in said[0]
 
 

@@ -14,19 +14,20 @@ from gelforge.learning.networks import make_network, network_of
 from gelforge.registry import stated
 
 
-@pytest.mark.parametrize("name", ["unet", "cnn"])
+@pytest.mark.parametrize("name", ["unet", "unet_inverse", "cnn"])
 @pytest.mark.parametrize(
     "grids", [Grids(40, 20, 20), Grids(10, 20, 20), Grids(7, 5, 3), Grids(3, 1, 1), Grids(13, 12, 6)]
 )
 def test_any_grid_of_regions_becomes_any_grid_of_bins(name, grids):
     network = make_network(Learning(network=name, channels=4), grids, seed=1)
-    outputs = network(torch.randn(2, 2 * grids.regions**2))
+    more = 3 * grids.bins_x * grids.bins_y if network_of(name).reads_inverse else 0
+    outputs = network(torch.randn(2, 2 * grids.regions**2 + more))
     assert outputs.shape == (2, 3 * grids.bins_x * grids.bins_y)
     outputs.sum().backward()
     assert all(p.grad is not None and p.grad.isfinite().all() for p in network.parameters())
 
 
-@pytest.mark.parametrize("name", ["unet", "cnn", "paper"])
+@pytest.mark.parametrize("name", ["unet", "unet_inverse", "cnn", "paper"])
 def test_seeds_make_networks(name):
     def weights(seed):
         network = make_network(Learning(network=name), Grids(4, 2, 2), seed)
@@ -49,13 +50,26 @@ def test_a_unet_keeps_places():
     assert abs(column - 2) <= 3
 
 
+def test_a_unet_that_is_silent_passes_the_inverse_on():
+    """Forces of the inverse reach their bins times the factor of their component."""
+    network = make_network(Learning(network="unet_inverse", channels=4), Grids(8, 5, 3), seed=0)
+    with torch.no_grad():
+        network.last.weight.zero_()
+        network.last.bias.zero_()
+        network.skip.copy_(torch.tensor([1.0, 2.0, 3.0]))
+        forces = torch.randn(2, 45)
+        found = network(torch.cat([torch.randn(2, 128), forces], dim=1))
+    torch.testing.assert_close(found.reshape(2, 15, 3), forces.reshape(2, 15, 3) * network.skip)
+
+
 def test_keys_of_another_network_are_refused():
     with pytest.raises(
         ValidationError, match=r"hidden is a key of network paper, found network unet; .*set network: paper"
     ):
         Learning(network="unet", hidden=[10])
     with pytest.raises(
-        ValidationError, match="channels is a key of network cnn and unet, found network paper"
+        ValidationError,
+        match="channels is a key of network cnn and unet and unet_inverse, found network paper",
     ):
         Learning(network="paper", channels=8)
 

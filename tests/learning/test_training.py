@@ -20,7 +20,8 @@ from gelforge.learning.basis.data import (
     training_and_validation,
 )
 from gelforge.learning.basis.scaling import ModelError, Scaling
-from gelforge.learning.models.model_file import load_model, load_tensors, save_tensors
+from gelforge.learning.elasticity.inverse import Inverse
+from gelforge.learning.models.model_file import load_model, load_tensors, save_model, save_tensors
 from gelforge.learning.networks.paper import paper_network
 from gelforge.learning.training.train import (
     CHECKPOINT_FORMAT,
@@ -141,21 +142,55 @@ def test_no_cell_is_on_two_sides(study, shards):
 
 
 # --------------------------------------------------------------------------------------------------- runs
-@pytest.mark.parametrize("network", ["paper", "unet", "cnn"])
+def artificial_inverse(unit: float = 1.0) -> Inverse:
+    """Return the inverse of an operator of the artificial rows' grids."""
+    rng = np.random.default_rng(7)
+    return Inverse.of(unit * rng.normal(size=(2, 16, 25, 3)), 0.45)
+
+
+def test_a_network_that_reads_the_inverse_keeps_it(study, shards, tmp_path):
+    """Saved, loaded and adapted, it says what it said: the unit of its inputs does not follow a gain of its outputs."""
+    learning = Learning(network="unet_inverse", channels=4, batch_size=8, steps=12, validation_fraction=0.2)
+    study = study.model_copy(update={"learning": learning})
+    with pytest.raises(ModelError, match="reads the forces of inverse elasticity"):
+        train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
+    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET, artificial_inverse())
+    model, feature = load_model(tmp_path / "model.pt"), small_rows()["feature"]
+    np.testing.assert_array_equal(model.inverse.unit_N, model.scaling.output_scale)
+    inputs = model.inputs(feature)
+    np.testing.assert_array_equal(inputs[:, :32], model.scaling.inputs(feature))
+    found = artificial_inverse().forces(feature)
+    np.testing.assert_allclose(inputs[:, 32:].reshape(-1, 25, 3) * model.inverse.unit_N, found, atol=1e-6)
+    gained = replace(model, scaling=replace(model.scaling, output_scale=2 * model.scaling.output_scale))
+    np.testing.assert_allclose(
+        gained.predict_raw(feature) - gained.scaling.output_mean,
+        2 * (model.predict_raw(feature) - model.scaling.output_mean),
+        rtol=1e-5,
+        atol=1e-6,
+    )
+    without = replace(model, inverse=None)
+    save_model(tmp_path / "without.pt", without)
+    with pytest.raises(ModelError, match="reads the inverse, without it"):
+        load_model(tmp_path / "without.pt")
+
+
+@pytest.mark.parametrize("network", ["paper", "unet", "unet_inverse", "cnn"])
 def test_resumed_equals_uninterrupted(study, shards, tmp_path, network):
     """The last pass is cut: it would end with step 48."""
     given = {"channels": 4} if network != "paper" else {"hidden": [24, 16, 12]}
     learning = Learning(network=network, batch_size=8, steps=46, validation_fraction=0.2, **given)
     study = study.model_copy(update={"learning": learning})
+    inverse = artificial_inverse()
     one, other = tmp_path / "one", tmp_path / "other"
-    assert train(study, shards, one / "model.pt", one / "loss.csv", QUIET)
+    assert train(study, shards, one / "model.pt", one / "loss.csv", QUIET, inverse)
     for done in (20, 40):
-        assert not train(study, shards, other / "model.pt", other / "loss.csv", replace(QUIET, stop_after=18))
+        part = replace(QUIET, stop_after=18)
+        assert not train(study, shards, other / "model.pt", other / "loss.csv", part, inverse)
         assert not (other / "model.pt").exists()
         kept = load_tensors(other / "model.checkpoint.pt", CHECKPOINT_FORMAT)
         assert kept["losses"][-1][0] == done, "it went on to the end of a pass, and did not begin again"
         torch.rand(7)  # whatever else drew random numbers in between
-    assert train(study, shards, other / "model.pt", other / "loss.csv", QUIET)
+    assert train(study, shards, other / "model.pt", other / "loss.csv", QUIET, inverse)
     assert (one / "loss.csv").read_bytes() == (other / "loss.csv").read_bytes()
     assert (one / "model.pt").read_bytes() == (other / "model.pt").read_bytes()
     assert sorted(path.name for path in other.iterdir()) == ["loss.csv", "model.pt"]

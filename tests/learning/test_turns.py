@@ -36,6 +36,14 @@ def test_labels_turn_as_the_mechanics_turns_bins(name):
 
 
 @pytest.mark.parametrize("name", D4)
+def test_forces_among_the_inputs_turn_as_labels_do(name):
+    flow, force = torch.randn(3, 32), torch.randn(3, 75)
+    inputs, targets = Turner((name,), 4, 5, 5)(np.zeros(3, int), torch.cat([flow, force], dim=1), force)
+    alone, _ = Turner((name,), 4, 5, 5)(np.zeros(3, int), flow, force)
+    assert_array_equal(inputs, torch.cat([alone, targets], dim=1))
+
+
+@pytest.mark.parametrize("name", D4)
 def test_flow_and_label_of_one_bump_turn_together(name):
     """A source of flow at a place: after the turn it is still a source, at the turned place, and so is the label."""
     n = 9

@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 from gelforge.config import load_session, load_study
-from gelforge.dataset.shard import ShardDataset
 from gelforge.files import file_sha256
-from gelforge.learning.basis.data import FEATURE
 from gelforge.learning.basis.scaling import ModelError
 from gelforge.learning.deployment.held_out import check_held_out, held_out
 from gelforge.learning.deployment.onnx_check import read_check, write_check
 from gelforge.learning.deployment.onnx_export import export_onnx
+from gelforge.learning.elasticity.check import Check
+from gelforge.learning.elasticity.inverse import Inverse
 from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows
-from gelforge.learning.models.familiarity import find_familiar
 from gelforge.learning.models.model_file import load_model, save_model
 from gelforge.learning.models.reliability import Zero
 
@@ -46,13 +45,10 @@ def known(finished, tmp_path_factory):
     """A model that gives forces to every image of the finished study: model.onnx, what PyTorch says, and its SHA-256."""
     folder, study = tmp_path_factory.mktemp("model"), finished.folder / RESULTS
     shards = sorted((study / "dataset").glob("shard-*.h5"))
-    trained, rows = load_model(study / "model/model.pt"), ShardDataset(shards, "train")
-    inputs = trained.scaling.inputs(rows.read(np.arange(len(rows)), [FEATURE])[FEATURE])
-    repeated = np.tile(inputs, (3, 1)) + 0.01 * np.random.default_rng(0).normal(
-        size=(3 * len(inputs), inputs.shape[1])
-    )
-    familiar = find_familiar(repeated.astype("f4"), np.arange(len(repeated)) % 9)
-    with_forces = replace(trained, zero=Zero(), familiar=familiar)
+    trained = load_model(study / "model/model.pt")
+    regions, bins = trained.settings["features"]["regions"], len(trained.scaling.output_mean)
+    inverse = Inverse.of(np.random.default_rng(0).normal(size=(2, regions**2, bins, 3)), 0.45)
+    with_forces = replace(trained, zero=Zero(), inverse=inverse, check=Check(np.ones(3), 0.2))
     save_model(folder / "model.pt", with_forces)
     export_onnx(folder / "model.pt", folder / "model.onnx")
     described = load_study(finished.folder / "config/test.yaml")
@@ -76,7 +72,7 @@ def test_forces_from_images_are_pytorchs(compare, tmp_path):
     """Rounding of single precision apart, a thousandth of the limit."""
     found = compare()
     assert found.touched == found.images > 0
-    assert [output.output for output in found.outputs] == ["forces", "how unlike training an image is"]
+    assert [output.output for output in found.outputs] == ["forces", "the check of totals"]
     assert max(output.share for output in found.outputs) < 1e-6
     write_check(tmp_path / "check.json", found)
     assert read_check(tmp_path / "check.json") == found
@@ -87,9 +83,9 @@ def test_forces_from_images_are_pytorchs(compare, tmp_path):
     [
         (lambda rows: replace(rows, images=rows.images[::-1]), "forces"),
         (lambda rows: replace(rows, force_N=-rows.force_N), "forces by"),
-        (lambda rows: replace(rows, unlike=rows.unlike + 0.01), "how unlike training an image is by"),
+        (lambda rows: replace(rows, disagreement=rows.disagreement + 0.1), "the check of totals by"),
     ],
-    ids=["other images", "sign", "unlike"],
+    ids=["other images", "sign", "check"],
 )
 def test_a_difference_fails_and_is_named(compare, known, mistake, named):
     with pytest.raises(

@@ -58,6 +58,7 @@ rule train:
         manifest=[] if ONLY_SIMULATED else f"{RESULTS}/dataset/manifest.json",
         shards=[] if ONLY_SIMULATED else expand(f"{RESULTS}/dataset/shard-{{shard}}.h5", shard=SHARDS),
         simulated=SYNTHETIC,
+        laws=law_files(),
     output:
         model=ensure(f"{RESULTS}/model/model.pt", non_empty=True),
         loss=ensure(f"{RESULTS}/model/loss.csv", non_empty=True),
@@ -76,10 +77,10 @@ rule train:
             *(f"learning/basis/{name}.py" for name in ("data", "network", "scaling", "turns")),
             *(
                 "learning/networks",
+                "learning/elasticity",
                 "learning/training/train.py",
                 "learning/models/model_file.py",
                 "learning/models/reliability.py",
-                "learning/models/familiarity.py",
                 "config/parts/learning.py",
             ),
             *("dataset/splits.py", "indentation/sensor/symmetry.py"),
@@ -107,7 +108,8 @@ rule evaluate:
         mem_mb=2000,
     params:
         source=source_digest(
-            *(f"learning/models/{name}.py" for name in ("familiarity", "model_file", "reliability")),
+            *(f"learning/models/{name}.py" for name in ("model_file", "reliability")),
+            "learning/elasticity",
             *(f"learning/judging/{name}.py" for name in ("baselines", "predictions", "true_motion")),
             *(f"learning/basis/{name}.py" for name in ("data", "network", "scaling")),
             "learning/networks",
@@ -136,7 +138,7 @@ if STUDY.learning.onnx:
         params:
             source=source_digest(
                 *(f"learning/deployment/{name}.py" for name in ("equality", "onnx_export", "onnx_model")),
-                *("learning/models", "learning/networks", "learning/basis"),
+                *("learning/models", "learning/networks", "learning/basis", "learning/elasticity"),
             ),
         shell:
             "{GELFORGE:q} export --model {input:q} --out {output:q} &> {log:q}"
@@ -160,7 +162,7 @@ if STUDY.learning.onnx:
             runtime=asks(short_seconds),
             mem_mb=2000,
         params:
-            source=source_digest("learning/deployment", "learning/models", "recording"),
+            source=source_digest("learning/deployment", "learning/elasticity", "learning/models", "recording"),
         shell:
             "{GELFORGE:q} onnx-check --study {STUDY_FILE:q} --model {input.model:q} --out {output:q} &> {log:q}"
 

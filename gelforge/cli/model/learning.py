@@ -20,8 +20,25 @@ def train(study: Path, model: Path, loss: Path) -> None:
     sets = learning_sets(described)
     if set(sets.learnt) & set(sets.tested):
         check_shards(shard_paths(described), described.results_folder / "dataset" / "manifest.json")
-    with memory_named(more_memory("train", described)):
-        train(described, sets.learnt, model, loss)
+    with memory_named(more_memory("train", described)), Stages("training"):
+        stage("inverse elasticity")
+        inverse = inverse_elasticity(described, sets.learnt)
+        stage("the network")
+        train(described, sets.learnt, model, loss, inverse=inverse)
+
+
+def inverse_elasticity(study: Study, shards: list[Path]):
+    """Return the inverse elasticity of a study's sensor and camera; None where it is not known, and say why."""
+    from gelforge.laws_of_study import known_laws
+    from gelforge.learning.elasticity.of_study import NoOperator, inverse_of
+    from gelforge.learning.models.views import views_of
+
+    laws = {name: material.law for name, material in known_laws(study, []).items()}
+    try:
+        return inverse_of(study, laws, views_of(shards))
+    except NoOperator as error:
+        print(f"no inverse elasticity: {error}")
+        return None
 
 
 def evaluate(study: Path, model: Path, out: Path) -> None:

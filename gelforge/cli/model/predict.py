@@ -38,21 +38,21 @@ def predict(
     predictions = islice(predictions, frames)
     if zero is None:
         print("the first frame is taken as the reference: nothing must touch the sensor in it")
-    flagged, touched = [], 0
+    marked, touched = [], 0
     with distribution_table(out) as write:
         for prediction in tracked(predictions, f"frames of {source}", frames):
             timing.add(prediction)
             write(prediction)
-            flagged.append(prediction.unlike > 1)
+            marked.append(prediction.disagreement > 1)
             touched += bool(prediction.force_N.any())
-    print(f"{len(flagged)} frames, {touched} of them touched" + (f"; written to {out}" if out else ""))
-    if flagged and not touched:
+    print(f"{len(marked)} frames, {touched} of them touched" + (f"; written to {out}" if out else ""))
+    if marked and not touched:
         print(
             f"no bin exerts more than the {predictor.model.zero.contact_N:.3g} N below which this model reads no contact"
         )
-    if any(flagged):
+    if any(marked):
         print(
-            f"{sum(flagged)} of {len(flagged)} frames are unlike those that the model learnt from: distrust their forces "
+            f"the total force of {sum(marked)} of {len(marked)} frames is not that of inverse elasticity: distrust it "
             "(another camera, gel or contact? docs/learning.md)"
         )
     print_timing(timing)
@@ -63,7 +63,7 @@ def distribution_table(path: Path | None):
     """Yield a function that writes a prediction as a row: name, time, total force, then every bin's force [N].
 
     Rows are written as they come, so that a live run that is interrupted keeps what it has seen; without a path the
-    total force is printed instead. A time or a measure of unlikeness that is not known is left empty.
+    total force is printed instead. A time or a disagreement that is not known is left empty.
     """
     if path is None:
         yield lambda p: print(
@@ -76,11 +76,11 @@ def distribution_table(path: Path | None):
         def write(p) -> None:
             if file.tell() == 0:
                 bins = [f"f{axis}_{k}_N" for k in range(len(p.force_N)) for axis in "xyz"]
-                rows.writerow(["frame", "time_s", "unlike", "fx_N", "fy_N", "fz_N", *bins])
+                rows.writerow(["frame", "time_s", "disagreement", "fx_N", "fy_N", "fz_N", *bins])
             values = [*p.force_N.sum(axis=0), *p.force_N.ravel()]
             seconds = f"{p.time_s:.6f}" if math.isfinite(p.time_s) else ""
-            unlike = f"{p.unlike:.3g}" if math.isfinite(p.unlike) else ""
-            rows.writerow([p.name, seconds, unlike, *(f"{value:.6g}" for value in values)])
+            disagreement = f"{p.disagreement:.3g}" if math.isfinite(p.disagreement) else ""
+            rows.writerow([p.name, seconds, disagreement, *(f"{value:.6g}" for value in values)])
 
         yield write
 

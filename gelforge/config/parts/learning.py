@@ -64,14 +64,17 @@ class Learning(Section):
 
     network: NetworkName = Field(
         "unet",
-        description="unet: flow components on the grid of regions to forces on the grid of bins; cnn: the same with a few "
-        "convolutions alone; paper: the layers of Sferrazza et al. 2019, table 2",
+        description="unet: flow components on the grid of regions to forces on the grid of bins; unet_inverse: that with"
+        " the forces of inverse elasticity as inputs too; cnn: a few convolutions alone in place of the U-Net; paper: the"
+        " layers of Sferrazza et al. 2019, table 2",
     )
-    channels: int = Field(16, ge=4, le=256, description="channels on the finest grid (unet, cnn) [-]")
+    channels: int = Field(
+        16, ge=4, le=256, description="channels on the finest grid (unet, unet_inverse, cnn) [-]"
+    )
     symmetry: Literal["auto", "d4", "none"] = Field(
         "auto",
-        description="turn and mirror images with their labels while training (unet, cnn); auto: where sensor and camera are "
-        "their own mirror images and the plan has none of its sites",
+        description="turn and mirror images with their labels while training (unet, unet_inverse, cnn); auto: where sensor"
+        " and camera are their own mirror images and the plan has none of its sites",
     )
     input_form: Literal["vector", "polar"] = Field(
         "polar",

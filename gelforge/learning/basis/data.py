@@ -170,7 +170,8 @@ class Batches:
 
     Where all rows fit into the buffer they are read once and shuffled freely. Otherwise every pass draws blocks of
     consecutive rows in random order until the buffer is full, shuffles the buffer and empties it, and so on. Where rows
-    belong to groups (n,), a pass takes one row of each, another one the next time.
+    belong to groups (n,), a pass takes one row of each, another one the next time. more (rows, M): inputs that follow the
+    flow's, by the rows' numbers.
     """
 
     def __init__(
@@ -182,9 +183,10 @@ class Batches:
         seed: int,
         buffer_rows: int = BUFFER_ROWS,
         groups: np.ndarray | None = None,
+        more: np.ndarray | None = None,
     ):
         self.rows, self.index, self.scaling, self.size, self.seed = rows, index, scaling, size, seed
-        self.buffer_rows, self.groups = buffer_rows, groups
+        self.buffer_rows, self.groups, self.more = buffer_rows, groups, more
         self._whole: tuple[torch.Tensor, torch.Tensor] | None = None
 
     def of_pass(self, number: int) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
@@ -234,6 +236,7 @@ class Batches:
 
     def _read(self, index: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
         block = self.rows.read(index, (FEATURE, LABEL))
-        return torch.from_numpy(self.scaling.inputs(block[FEATURE])), torch.from_numpy(
-            self.scaling.targets(block[LABEL])
-        )
+        inputs = self.scaling.inputs(block[FEATURE])
+        if self.more is not None:
+            inputs = np.concatenate([inputs, self.more[index]], axis=1)
+        return torch.from_numpy(inputs), torch.from_numpy(self.scaling.targets(block[LABEL]))

@@ -1,7 +1,8 @@
 """What a network is, and what networks on grids share.
 
 Every network takes inputs (n, 2 r^2), the two components of the flow (or its magnitudes and directions) by region, row by
-row, and returns (n, 3 B), the three components of each bin, as Scaling has them. The networks are in `networks`.
+row, and returns (n, 3 B), the three components of each bin, as Scaling has them. One that reads the inverse takes the forces
+of inverse elasticity (3 B) after them. The networks are in `networks`.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class Network:
     # Trained as the article did: inputs by their mean and deviation, every image in each pass, a steady step size without
     # weight decay, nothing turned or mirrored.
     as_article: bool = False
+    reads_inverse: bool = False  # its inputs end with the forces of inverse elasticity
 
 
 def seeded(kind: Callable[[Grids, int], OnGrids]) -> Callable[[Learning, Grids, int], nn.Module]:

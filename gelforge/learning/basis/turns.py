@@ -83,7 +83,7 @@ def flow_centre(flow: np.ndarray, n: int) -> np.ndarray:
 class Turner:
     """Turns each row of scaled inputs (n, 2 r^2) and targets (n, 3 B) by an element of its own.
 
-    Scales must be those of a symmetry.
+    Inputs may end with forces of the bins (3 B). Scales must be those of a symmetry.
     """
 
     def __init__(self, names: tuple[str, ...], regions: int, nx: int, ny: int):
@@ -104,9 +104,14 @@ class Turner:
 
         count, which = len(inputs), torch.as_tensor(chosen)
         plane, regions, bins = self._plane[which], self._regions[which], self._bins[which]
-        flow = inputs.reshape(count, 2, -1).gather(2, regions[:, None].expand(-1, 2, -1))
-        force = targets.reshape(count, -1, 3).gather(1, bins[..., None].expand(-1, -1, 3))
-        flow = torch.einsum("nab,nbk->nak", plane, flow)
-        horizontal = torch.einsum("nab,nkb->nka", plane, force[..., :2])
-        force = torch.cat([horizontal, force[..., 2:]], dim=-1)
-        return flow.reshape(inputs.shape), force.reshape(targets.shape)
+
+        def turned(force: torch.Tensor) -> torch.Tensor:
+            moved = force.reshape(count, -1, 3).gather(1, bins[..., None].expand(-1, -1, 3))
+            horizontal = torch.einsum("nab,nkb->nka", plane, moved[..., :2])
+            return torch.cat([horizontal, moved[..., 2:]], dim=-1).reshape(force.shape)
+
+        size = 2 * regions.shape[1]
+        flow = inputs[:, :size].reshape(count, 2, -1).gather(2, regions[:, None].expand(-1, 2, -1))
+        flow = torch.einsum("nab,nbk->nak", plane, flow).reshape(count, size)
+        more = inputs[:, size:]
+        return torch.cat([flow, turned(more)], dim=1) if more.shape[1] else flow, turned(targets)

@@ -15,7 +15,6 @@ from gelforge.learning.deployment.onnx_check import Difference, OnnxCheck
 from gelforge.learning.deployment.onnx_model import OnnxModel
 from gelforge.learning.deployment.predictor import Prediction, Predictor, predict_frames
 from gelforge.learning.judging.predictions import Predictions
-from gelforge.learning.models.familiarity import unlike
 from gelforge.learning.models.reliability import Zero
 from gelforge.recording.features import FORMAT as FEATURE_FORMAT
 from gelforge.recording.imaging.flow import read_grey
@@ -23,7 +22,7 @@ from gelforge.recording.imaging.frames import Frame
 from gelforge.recording.imaging.images import image_path, reference_path
 
 IMAGES = 40  # compared
-# Of the largest force, and of how unlike an image is (1 where that is less). On one machine 1e-6; the flow of another
+# Of the largest force, and of the check of totals (1 where that is less). On one machine 1e-6; the flow of another
 # processor's instructions may differ by 1e-4. Another reference, crop or remap gives 1e-1.
 LIMIT = 1e-3
 LEAST_N = 1e-9  # where nothing touches
@@ -38,7 +37,7 @@ class HeldOut:
     sites: int
     force_N: np.ndarray  # (n, B, 3)
     label_N: np.ndarray  # (n, B, 3)
-    unlike: np.ndarray  # (n,)
+    disagreement: np.ndarray  # (n,)
 
 
 def held_out(predictions: Predictions, session: str, feature_file: str | Path) -> HeldOut | None:
@@ -64,7 +63,7 @@ def held_out(predictions: Predictions, session: str, feature_file: str | Path) -
             f"prediction; evaluate the model again (snakemake -R {predictions.path})"
         ) from None
     return HeldOut(
-        session, images, len(set(cells)), np.array(force), np.array(label), predictions.unlike[rows]
+        session, images, len(set(cells)), np.array(force), np.array(label), predictions.disagreement[rows]
     )
 
 
@@ -89,9 +88,9 @@ def check_held_out(
     off_N = force_differences(predictor.model, found, known.force_N)
     largest_N = float(max(np.abs(known.force_N).max(), np.abs(known.label_N).max(), LEAST_N))
     outputs = [Difference("forces", float(off_N.max() / largest_N), LIMIT, "the largest force")]
-    if predictor.model.familiar:
-        share = float(unlike_differences(predictor.model, found, known.unlike).max())
-        outputs.append(Difference("how unlike training an image is", share, LIMIT, "its value, at least 1"))
+    if predictor.model.check:
+        share = float(disagreement_differences(predictor.model, found, known.disagreement).max())
+        outputs.append(Difference("the check of totals", share, LIMIT, "its value, at least 1"))
     if wrong := [str(output) for output in outputs if not output.within]:
         raise ModelError(
             f"{model}: on {len(found)} held-out images of session {known.session} ONNX Runtime differs from PyTorch in "
@@ -103,25 +102,28 @@ def check_held_out(
 
 
 def force_differences(model: OnnxModel, found: Sequence[Prediction], expected: np.ndarray) -> np.ndarray:
-    """Return how far forces are from those expected (n, B, 3) [N].
+    """Return how far forces are from those expected (n, B, 3) [N]."""
+    return np.min([np.abs(force - expected) for force in _forces(model, found)], axis=0)
 
-    A force that lies within LIMIT of a threshold of exact zeros may be zero in one and not in the other.
+
+def disagreement_differences(
+    model: OnnxModel, found: Sequence[Prediction], expected: np.ndarray
+) -> np.ndarray:
+    """Return how far the check of totals is from that expected (n,), as a share of it where it is above 1."""
+    assert model.inverse is not None and model.check is not None
+    inverse_total = model.inverse.forces(np.array([prediction.feature for prediction in found])).sum(axis=1)
+    answers = [
+        model.check.disagreement(force.sum(axis=1), inverse_total) for force in _forces(model, found)[1:]
+    ]
+    answers.append(np.array([prediction.disagreement for prediction in found]))
+    return np.min([np.abs(answer - expected) for answer in answers], axis=0) / np.maximum(expected, 1)
+
+
+def _forces(model: OnnxModel, found: Sequence[Prediction]) -> list[np.ndarray]:
+    """Return forces (n, B, 3) [N], and those of thresholds of exact zeros that differ by LIMIT.
+
+    A force that lies within LIMIT of a threshold may be zero in one and not in the other.
     """
     raw = model.predict_raw(np.array([prediction.feature for prediction in found]))
-    answers = [np.array([prediction.force_N for prediction in found])]
-    for share in (1 - LIMIT, 1 + LIMIT):
-        answers.append(Zero(share * model.zero.contact_N, share * model.zero.bin_N).applied(raw))
-    return np.min([np.abs(answer - expected) for answer in answers], axis=0)
-
-
-def unlike_differences(model: OnnxModel, found: Sequence[Prediction], expected: np.ndarray) -> np.ndarray:
-    """Return how far the measure of unlikeness is from that expected (n,), as a share of it where it is above 1.
-
-    Its limit jumps between classes of the inputs' length: a length within LIMIT of an edge may be of either class.
-    """
-    assert model.familiar is not None
-    statistics = model.statistics(np.array([prediction.feature for prediction in found])).astype(float)
-    answers = [np.array([prediction.unlike for prediction in found])]
-    for share in (1 - LIMIT, 1 + LIMIT):
-        answers.append(unlike(statistics * [share, 1, 1], **model.familiar))
-    return np.min([np.abs(answer - expected) for answer in answers], axis=0) / np.maximum(expected, 1)
+    zeros = [Zero(k * model.zero.contact_N, k * model.zero.bin_N) for k in (1 - LIMIT, 1 + LIMIT)]
+    return [np.array([prediction.force_N for prediction in found]), *(zero.applied(raw) for zero in zeros)]

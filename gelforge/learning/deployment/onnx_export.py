@@ -26,11 +26,12 @@ from gelforge.learning.deployment.onnx_model import (
     INPUT,
     KEY,
     OUTPUT,
-    STATISTICS,
     OnnxModel,
     model_of,
+    packed,
 )
-from gelforge.learning.models.familiarity import Familiar
+from gelforge.learning.elasticity.inverse import Inverse
+from gelforge.learning.elasticity.unrolled import Unrolled
 from gelforge.learning.models.model_file import LARGEST_OUTPUT, Model, load_model
 
 OPSET = 20  # ONNX 1.15, ONNX Runtime 1.17 and newer
@@ -47,47 +48,37 @@ class FeaturesToNewtons(nn.Module):
     input_scale: torch.Tensor
     output_mean: torch.Tensor
     output_scale: torch.Tensor
-    mean: torch.Tensor
-    components: torch.Tensor
-    deviation: torch.Tensor
     places: torch.Tensor
     plane: torch.Tensor
 
-    def __init__(self, network: nn.Module, scaling: Scaling, familiar: Familiar | None):
+    def __init__(self, network: nn.Module, scaling: Scaling, inverse: Inverse | None = None):
+        """inverse: whose forces the network reads."""
         super().__init__()
+        self.inverse = Unrolled(inverse) if inverse else None
         self.network, self.form, self.turn = network, scaling.form, scaling.turn
         half = len(scaling.input_mean) // 2
         n = round(half**0.5)
         keep = {"input_mean": scaling.input_mean, "output_mean": scaling.output_mean}
         keep |= {"input_scale": np.repeat(scaling.input_scale, half), "output_scale": scaling.output_scale}
-        self.familiar = familiar is not None
-        if familiar:
-            keep |= {name: getattr(familiar, name) for name in ("mean", "components", "deviation")}
         for name, values in keep.items():
             self.register_buffer(name, torch.from_numpy(np.asarray(values, np.float32)))
         if self.turn != "identity":
             self.register_buffer("places", torch.from_numpy(order(self.turn, n, n)))
             self.register_buffer("plane", torch.tensor(D4[self.turn], dtype=torch.float32))
 
-    def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        flow = features
+    def forward(self, features: torch.Tensor) -> torch.Tensor:
+        flow, more = features, []
         if self.form != "polar":
             magnitude, direction = features.unflatten(1, (2, -1)).unbind(1)
             flow = torch.stack([magnitude * torch.cos(direction), magnitude * torch.sin(direction)], dim=1)
+            if self.inverse is not None:
+                more = [self.inverse(flow.flatten(1))]
             if self.turn != "identity":
                 flow = torch.matmul(self.plane, flow[:, :, self.places])
             flow = flow.flatten(1)
         inputs = (flow - self.input_mean) / self.input_scale
-        force = self.network(inputs).unflatten(1, (-1, 3)) * self.output_scale + self.output_mean
-        return (force, self._statistics(inputs)) if self.familiar else (force,)
-
-    def _statistics(self, inputs: torch.Tensor) -> torch.Tensor:
-        """Return what `Familiar.statistics` does (n, 3)."""
-        away = inputs - self.mean
-        along = away @ self.components.T
-        rest = away - along @ self.components
-        squared = ((along / self.deviation) ** 2).sum(dim=1)
-        return torch.stack([_length(inputs), _length(rest), squared], dim=1)
+        outputs = self.network(torch.cat([inputs, *more], dim=1))
+        return outputs.unflatten(1, (-1, 3)) * self.output_scale + self.output_mean
 
 
 def export_onnx(model_path: str | Path, out: str | Path) -> list[Difference]:
@@ -111,14 +102,10 @@ def converted(path: str | Path, threads: int = 1) -> OnnxModel:
     return found
 
 
-def _length(rows: torch.Tensor) -> torch.Tensor:
-    """Return the lengths of rows (n, F), in double precision as `Familiar` does."""
-    return torch.sqrt((rows.double() ** 2).sum(dim=1)).float()
-
-
 def onnx_bytes(model: Model, sha256: str) -> bytes:
     """Return a model as the bytes of an ONNX file, which keeps a place for its own checksum; any number of rows n."""
-    whole = FeaturesToNewtons(model.network, model.scaling, model.familiar).eval()
+    inverse = model.inverse if model.reads_inverse else None
+    whole = FeaturesToNewtons(model.network, model.scaling, inverse).eval()
     example = torch.zeros(2, len(model.scaling.input_mean))
     logs = logging.getLogger("torch.onnx")
     level = logs.level
@@ -132,7 +119,7 @@ def onnx_bytes(model: Model, sha256: str) -> bytes:
                 dynamo=True,
                 opset_version=OPSET,
                 input_names=[INPUT],
-                output_names=[OUTPUT, STATISTICS] if model.familiar else [OUTPUT],
+                output_names=[OUTPUT],
                 dynamic_shapes=({0: torch.export.Dim("n")},),
                 verbose=False,
             )
@@ -158,16 +145,15 @@ def metadata(model: Model, sha256: str) -> dict:
         "units": UNITS,
         "zero": asdict(model.zero),
         "intervals": plain,
-        "familiar": _limits(model.familiar),
+        "check": _check(model),
         "largest_N": (LARGEST_OUTPUT * model.scaling.output_scale.astype(float)).tolist(),
     }
 
 
-def _limits(familiar: Familiar | None) -> dict | None:
-    if familiar is None:
+def _check(model: Model) -> dict | None:
+    """Return the check of totals with the inverse that it needs; single precision as text."""
+    if model.inverse is None or model.check is None:
         return None
-    return {
-        "edges": familiar.edges.tolist(),
-        "rest_limit": familiar.rest_limit.tolist(),
-        "squared_limit": familiar.squared_limit,
-    }
+    arrays = {name: packed(getattr(model.inverse, name)) for name in ("left", "singular", "right")}
+    check = {"gain": model.check.gain.tolist(), "share": model.check.share}
+    return check | {"inverse": arrays | {"friction": model.inverse.friction}}

@@ -1,11 +1,13 @@
 """A trained model in ONNX Runtime: from features to newtons in one graph, with what the file says of itself.
 
-The graph takes features (n, F) [px, rad] and gives what the network says (n, B, 3) [N]. Exact zeros and intervals are worked
-out here by the classes that PyTorch's model uses; their numbers travel in the file's metadata, under the key `gelforge`.
+The graph takes features (n, F) [px, rad] and gives what the network says (n, B, 3) [N]. Exact zeros, intervals and the
+check of totals are worked out here by the classes that PyTorch's model uses; their numbers travel in the file's metadata,
+under the key `gelforge`.
 """
 
 from __future__ import annotations
 
+import base64
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,13 +16,14 @@ import numpy as np
 import onnxruntime
 
 from gelforge.files import check_seal
-from gelforge.learning.basis.scaling import ModelError
-from gelforge.learning.models.familiarity import unlike
+from gelforge.learning.basis.scaling import ModelError, input_flow
+from gelforge.learning.elasticity.check import Check
+from gelforge.learning.elasticity.inverse import ITERATIONS, WARM_ITERATIONS, Inverse, State
 from gelforge.learning.models.reliability import Intervals, Zero
 
-FORMAT = "gelforge-onnx-2"
+FORMAT = "gelforge-onnx-3"
 KEY = "gelforge"  # of the metadata
-INPUT, OUTPUT, STATISTICS = "features", "force_N", "familiarity"
+INPUT, OUTPUT = "features", "force_N"
 REMEDY = "export the model again (gelforge export --model model.pt --out model.onnx)"
 
 
@@ -32,7 +35,8 @@ class OnnxModel:
     settings: dict  # as Model.settings
     zero: Zero
     intervals: Intervals | None
-    familiar: dict | None  # limits of `familiarity.unlike`
+    inverse: Inverse | None
+    check: Check | None
     largest_N: np.ndarray  # (3,) forces that no training gives
     model_sha256: str  # of the model.pt that it comes from
     where: str = field(default="the model")  # named in messages
@@ -42,31 +46,34 @@ class OnnxModel:
 
         Raises ModelError for features or forces that are not finite, or forces that no training gives.
         """
-        return self.answer(feature)[0]
+        return self.zero.applied(self.predict_raw(feature))
 
     def predict_raw(self, feature: np.ndarray) -> np.ndarray:
         """Return the same as the network says it, small forces where nothing touches included."""
-        return self._run(feature)[0]
+        return self._run(feature)
 
     def answer(self, feature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what predict does, and how unlike the training images those of features are (n,); NaN: not known."""
-        force, *statistics = self._run(feature)
-        force = self.zero.applied(force)
-        if not self.familiar:
-            return force, np.full(len(force), np.nan)
-        return force, unlike(statistics[0].astype(float), **self.familiar)
+        """Return what predict does, and how far its totals are from those of inverse elasticity (n,); NaN: not known."""
+        return self.follow(feature)[:2]
 
-    def statistics(self, feature: np.ndarray) -> np.ndarray:
-        """Return what `Familiar.statistics` does of features (n, F): (n, 3), or (n, 0) where the model has none."""
-        force, *statistics = self._run(feature)
-        return statistics[0] if statistics else np.empty((len(force), 0))
+    def follow(
+        self, feature: np.ndarray, state: State | None = None
+    ) -> tuple[np.ndarray, np.ndarray, State | None]:
+        """Return the same of the frame after the one that a state is of, in fewer iterations, and the frame's state."""
+        force = self.predict(feature)
+        if self.inverse is None or self.check is None:
+            return force, np.full(len(force), np.nan), None
+        flow = input_flow(np.atleast_2d(feature), "vector")
+        state = self.inverse.solve(flow, WARM_ITERATIONS if state else ITERATIONS, state)
+        total = state.force.reshape(force.shape).sum(axis=1)
+        return force, self.check.disagreement(force.sum(axis=1), total), state
 
-    def _run(self, feature: np.ndarray) -> list[np.ndarray]:
+    def _run(self, feature: np.ndarray) -> np.ndarray:
         feature = np.atleast_2d(np.asarray(feature, np.float32))
         if not np.isfinite(feature).all():
             bad = int((~np.isfinite(feature)).sum())
             raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
-        force, *statistics = self.session.run(None, {INPUT: feature})
+        (force,) = self.session.run(None, {INPUT: feature})
         if not np.isfinite(force).all():
             raise ModelError(f"the predicted force is not finite though all features are; {REMEDY}")
         if (np.abs(force) > self.largest_N).any():
@@ -74,7 +81,7 @@ class OnnxModel:
                 f"a predicted force is {np.abs(force).max():.3g} N, limit {self.largest_N.max():.3g} N; check the images, "
                 "and the model's file"
             )
-        return [force, *statistics]
+        return force
 
 
 def load_onnx(path: str | Path, threads: int = 1) -> OnnxModel:
@@ -138,10 +145,7 @@ def _from_metadata(session, metadata: dict, where: str) -> OnnxModel:
         raise ModelError(
             f"{where}: takes {[(i.name, i.shape) for i in taken]}, not {count} features; {REMEDY}"
         )
-    limits = metadata["familiar"]
-    if [o.name for o in given] != ([OUTPUT, STATISTICS] if limits else [OUTPUT]) or given[0].shape[
-        1:
-    ] != shape:
+    if [o.name for o in given] != [OUTPUT] or given[0].shape[1:] != shape:
         raise ModelError(f"{where}: gives {[(o.name, o.shape) for o in given]}, not forces {shape}; {REMEDY}")
     intervals = metadata["intervals"]
     return OnnxModel(
@@ -149,8 +153,27 @@ def _from_metadata(session, metadata: dict, where: str) -> OnnxModel:
         settings,
         Zero(**metadata["zero"]),
         Intervals(**{name: np.array(values) for name, values in intervals.items()}) if intervals else None,
-        {name: np.array(values) for name, values in limits.items()} if limits else None,
+        *_check(metadata["check"]),
         np.array(metadata["largest_N"]),
         metadata["model_sha256"],
         where,
     )
+
+
+def _check(about: dict | None) -> tuple[Inverse | None, Check | None]:
+    if about is None:
+        return None, None
+    arrays = {name: unpacked(about["inverse"][name]) for name in ("left", "singular", "right")}
+    inverse = Inverse(**arrays, friction=about["inverse"]["friction"])
+    return inverse, Check(np.array(about["gain"]), about["share"])
+
+
+def packed(values: np.ndarray) -> dict:
+    """Return an array in single precision as text."""
+    content = np.ascontiguousarray(values, "<f4").tobytes()
+    return {"shape": list(values.shape), "float32": base64.b64encode(content).decode()}
+
+
+def unpacked(content: dict) -> np.ndarray:
+    """Return the array that `packed` was given."""
+    return np.frombuffer(base64.b64decode(content["float32"]), "<f4").reshape(content["shape"])

@@ -12,6 +12,7 @@ import pandas as pd
 
 from gelforge.config import Camera, Features
 from gelforge.learning.deployment.onnx_model import open_for_prediction
+from gelforge.learning.elasticity.inverse import State
 from gelforge.recording.features import FlowFeatures
 from gelforge.recording.imaging.flow import ImageError, crop, reduced
 from gelforge.recording.imaging.frames import Frame
@@ -25,6 +26,8 @@ class Predictor:
 
     model_file: model.onnx, or model.pt, which takes some seconds more to open.
     """
+
+    _state: State | None = None  # of inverse elasticity, of the frame before
 
     def __init__(self, model_file: str | Path, threads: int = 1):
         self.model = open_for_prediction(model_file, threads)
@@ -77,9 +80,14 @@ class Predictor:
         return self.model.predict(feature)[0]
 
     def answer(self, feature: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the same, and how unlike the training images this one is: beyond 1 it is flagged; NaN: not known."""
-        force, unlike = self.model.answer(feature)
-        return force[0], float(unlike[0])
+        """Return the same, and how far its total is from inverse elasticity's: beyond 1 it is marked; NaN: not known."""
+        force, disagreement = self.model.answer(feature)
+        return force[0], float(disagreement[0])
+
+    def follow(self, feature: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the same of the next frame of a camera, whose inverse elasticity goes on from the frame before."""
+        force, disagreement, self._state = self.model.follow(feature, self._state)
+        return force[0], float(disagreement[0])
 
 
 @dataclass(frozen=True)
@@ -91,13 +99,13 @@ class Prediction:
     force_N: np.ndarray  # (B, 3)
     feature: np.ndarray  # (F,) of the image
     seconds: dict[str, float]  # by STEPS
-    unlike: float = float("nan")  # beyond 1 the image is unlike those that the model learnt from
+    disagreement: float = float("nan")  # beyond 1 the total is not that of inverse elasticity
 
     def __repr__(self) -> str:
         total = ", ".join(f"{value:.4g}" for value in self.force_N.sum(axis=0))
         return (
-            f"Prediction {self.name} at {self.time_s:.4g} s: ({total}) N in total, {len(self.force_N)} bins, unlike"
-            f" {self.unlike:.3g}"
+            f"Prediction {self.name} at {self.time_s:.4g} s: ({total}) N in total, {len(self.force_N)} bins,"
+            f" disagreement {self.disagreement:.3g}"
         )
 
 
@@ -160,7 +168,7 @@ def predict_frames(
         marks.append(time.perf_counter())
         feature = extract.of_flow(flow)
         marks.append(time.perf_counter())
-        force, unlike = predictor.answer(feature)
+        force, disagreement = predictor.answer(feature)
         marks.append(time.perf_counter())
         seconds = dict(zip(STEPS, np.diff(marks).tolist()))
-        yield Prediction(frame.name, frame.time_s, force, feature, seconds, unlike)
+        yield Prediction(frame.name, frame.time_s, force, feature, seconds, disagreement)

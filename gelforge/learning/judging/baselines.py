@@ -1,4 +1,4 @@
-"""Baselines of scikit-learn beside the network: ridge, kernel ridge and nearest neighbours, on the same rows and inputs."""
+"""Baselines beside the network: ridge, kernel ridge and nearest neighbours of scikit-learn, and inverse elasticity."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from sklearn.neighbors import KNeighborsRegressor
 from gelforge.dataset.shard import ShardDataset
 from gelforge.learning.basis.data import FEATURE, LABEL, at_most, one_of_each_press
 from gelforge.learning.basis.scaling import Scaling
+from gelforge.learning.elasticity.inverse import Inverse
 from gelforge.learning.models.reliability import Zero, find_zero
 from gelforge.progress import tracked
 
@@ -57,6 +58,48 @@ class Baseline:
     def predict_raw(self, feature: np.ndarray) -> np.ndarray:
         """Return the same without zeros."""
         return self.scaling.newtons(self.estimator.predict(self.scaling.inputs(feature)))
+
+
+@dataclass(frozen=True)
+class InverseBaseline:
+    """The forces of inverse elasticity times one gain, with exact zeros found as the network's are."""
+
+    inverse: Inverse
+    gain: float
+    zero: Zero
+    name: str = "inverse elasticity"
+
+    @property
+    def settings(self) -> str:
+        """What the validation rows gave it; nothing is trained."""
+        return f"gain {self.gain:.4g} of all forces, friction {self.inverse.friction:g}"
+
+    def predict(self, feature: np.ndarray) -> np.ndarray:
+        """Return force distributions (n, B, 3) [N] of features (n, F)."""
+        return self.zero.applied(self.predict_raw(feature))
+
+    def predict_raw(self, feature: np.ndarray) -> np.ndarray:
+        """Return the same without zeros."""
+        return self.gain * self.inverse.forces(feature)
+
+
+def fit_inverse(
+    rows: ShardDataset, validation: np.ndarray, inverse: Inverse, grid: tuple, seed: int
+) -> InverseBaseline:
+    """Return inverse elasticity with its gain: least squares on total Fz of rows validation (m,), 1 without any."""
+    index = at_most(validation, MOST_WATCHED, seed)
+    if not len(index):
+        return InverseBaseline(inverse, 1.0, Zero())
+    block = rows.read(index, (FEATURE, LABEL, "untouched"))
+    found, true = inverse.forces(block[FEATURE]), block[LABEL].astype(float)
+    gain = total_gain(found, true)
+    return InverseBaseline(inverse, gain, find_zero(gain * found, true, block["untouched"], grid))
+
+
+def total_gain(found: np.ndarray, true: np.ndarray) -> float:
+    """Return the factor on distributions (n, B, 3) [N] that brings their total Fz nearest to the true ones'; 1: no force."""
+    push, wanted = (force[..., 2].sum(axis=1, dtype=float) for force in (found, true))
+    return float(push @ wanted / (push @ push)) if push.any() else 1.0
 
 
 def fit_baselines(

@@ -105,7 +105,7 @@ class RowErrors:
 def baselines_table(predictions: Predictions) -> pd.DataFrame:
     """Return the network's errors beside those of what is simpler: what it must beat to be of use.
 
-    Baselines of scikit-learn on the same rows and inputs (`baselines`), the mean label of training, no force at all.
+    Baselines on the same rows and inputs (`baselines`), the mean label of training, no force at all.
     """
     names = ("network", *predictions.baselines, "training mean", "zero")
     rows = {name: RowErrors.of(predictions, name).figures() for name in names}
@@ -124,7 +124,7 @@ WALL_SHARES = (
 def errors_by_table(predictions: Predictions) -> pd.DataFrame:
     """Return the network's errors by depth, place, distance to training, session, phase and indenter: where it fails.
 
-    by, class, rows, the figures of RowErrors, the share of the images that are flagged as unlike the training images.
+    by, class, rows, the figures of RowErrors, the share of rows whose total disagrees with inverse elasticity.
     """
     errors, rows = RowErrors.of(predictions), []
     for by, name, chosen in _classes(predictions):
@@ -137,7 +137,7 @@ def errors_by_table(predictions: Predictions) -> pd.DataFrame:
                 "class": name,
                 "rows": int(chosen.sum()),
                 **figures,
-                "flagged_unlike": _flagged(predictions.unlike[chosen]),
+                "disagreeing": _marked(predictions.disagreement[chosen]),
             }
         )
     return pd.DataFrame(rows)
@@ -200,7 +200,9 @@ def reliability_table(predictions: Predictions) -> pd.DataFrame:
         ("centre of pressure, 95th percentile", _quantile(distance[touched], 0.95), "mm"),
     ]
     rows += _coverage(predictions, touched) if predictions.has_intervals else []
-    rows.append(("images flagged as unlike the training images", _flagged(predictions.unlike), "1"))
+    rows.append(
+        ("rows whose total disagrees with inverse elasticity", _marked(predictions.disagreement), "1")
+    )
     return pd.DataFrame(rows, columns=["quantity", "value", "unit"])
 
 
@@ -237,9 +239,9 @@ def _coverage(predictions: Predictions, touched: np.ndarray) -> list[tuple[str, 
     ]
 
 
-def _flagged(unlike: np.ndarray) -> float:
-    known = np.isfinite(unlike)
-    return _mean(unlike[known] > 1)
+def _marked(disagreement: np.ndarray) -> float:
+    known = np.isfinite(disagreement)
+    return _mean(disagreement[known] > 1)
 
 
 def _mean(values: np.ndarray) -> float:

@@ -26,7 +26,7 @@ from gelforge.learning.basis.data import (
     positions_of,
     training_and_validation,
 )
-from gelforge.learning.judging.baselines import Baseline, fit_baselines
+from gelforge.learning.judging.baselines import Baseline, InverseBaseline, fit_baselines, fit_inverse
 from gelforge.learning.judging.true_motion import Truth, write_truth
 from gelforge.learning.models.model_file import Model, load_model
 from gelforge.learning.models.views import check_same_images, views_of
@@ -108,7 +108,7 @@ def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) ->
         _create(file, name, (len(rows), bins, 3), "f4", "N", chunks=(1, bins, 3))
     for name in INTERVALS_OF_TOTALS if model.intervals else ():
         _create(file, name, (len(rows), 3), "f8", "N")
-    _create(file, "unlike", (len(rows),), "f8", "1")
+    _create(file, "disagreement", (len(rows),), "f8", "1")
     for name in KEPT:
         column = COLUMNS[name]
         kind = h5py.string_dtype() if column.kind == "text" else column.kind
@@ -121,7 +121,7 @@ def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) ->
         place = slice(start, start + len(block["cell"]))
         predicted = model.predict(block[FEATURE])
         file["predicted_N"][place], file["true_N"][place] = predicted, block[LABEL]
-        file["unlike"][place] = model.unlike(block[FEATURE])
+        file["disagreement"][place] = model.disagreement(block[FEATURE], predicted)
         file["indenter"][place] = [_indenter(cells[name]) for name in block["cell"]]
         if model.intervals:
             file["bin_half_N"][place] = model.intervals.of_bins(predicted)
@@ -155,15 +155,19 @@ def _write_training_rows(
 
 def _baselines(
     rows: ShardDataset, training: np.ndarray, validation: np.ndarray, model: Model, grid: tuple, seed: int
-) -> Iterator[Baseline]:
+) -> Iterator[Baseline | InverseBaseline]:
     """Yield the baselines, with the network's inputs and targets, or the flow's components where it has others."""
     scaling = model.scaling
     if scaling.form != "vector":
         scaling = measure_scaling(rows, training, "vector", centred=False)
     yield from fit_baselines(rows, training, validation, scaling, grid, seed)
+    if model.inverse:
+        yield fit_inverse(rows, validation, model.inverse, grid, seed)
 
 
-def _write_baseline(file: h5py.File, rows: ShardDataset, baseline: Baseline, bins: int) -> None:
+def _write_baseline(
+    file: h5py.File, rows: ShardDataset, baseline: Baseline | InverseBaseline, bins: int
+) -> None:
     name = f"baselines/{baseline.name}"
     data = _create(file, name, (len(rows), bins, 3), "f4", "N", baseline.settings, chunks=(1, bins, 3))
     start = 0
@@ -184,7 +188,7 @@ _DESCRIPTIONS = {
     "total_half_true_N": "the same of the true total force: with the label's own uncertainty (N, 3)",
     "indenter": "the indenter in words, or the kind of a drawn one (N)",
     "nearest_training_mm": "distance to the nearest training site, or to one of its mirror images (N)",
-    "unlike": "how unlike the training images the row's is, beyond 1 flagged; NaN: not known (N)",
+    "disagreement": "how far the total is from that of inverse elasticity, beyond 1 marked; NaN: not known (N)",
     OF_TRAINING["predicted"]: "force distribution predicted of rows that trained the network (M, B, 3)",
     OF_TRAINING["true"]: "their labels (M, B, 3)",
     "training_mean_N": "mean label over the touched training rows (B, 3)",
@@ -227,7 +231,7 @@ class Predictions:
             self.untouched, self.ft = file["untouched"][()], file["total_force_ft_N"][()]
             self.position_mm, self.depth_mm = file["position_mm"][()], file["depth_mm"][()]
             self.nearest_training_mm = file["nearest_training_mm"][()]
-            self.session, self.unlike = file["session"].asstr()[()], file["unlike"][()]
+            self.session, self.disagreement = file["session"].asstr()[()], file["disagreement"][()]
             self.phase, self.indenter = (file[name].asstr()[()] for name in ("phase", "indenter"))
             self.has_intervals = "bin_half_N" in file
             self.has_truth = "truth" in file

@@ -15,9 +15,10 @@ from gelforge.files import atomic, check_seal
 from gelforge.indentation.sensor.symmetry import D4
 from gelforge.learning.basis.network import Grids
 from gelforge.learning.basis.scaling import FORMS, ModelError, Scaling
-from gelforge.learning.models.familiarity import Familiar
+from gelforge.learning.elasticity.check import Check
+from gelforge.learning.elasticity.inverse import Inverse
 from gelforge.learning.models.reliability import Intervals, Zero
-from gelforge.learning.networks import make_network
+from gelforge.learning.networks import make_network, network_of
 
 FORMAT = "gelforge-model-4"
 # settings that decide a training, by their names in a study; shards have a digest, and views are theirs
@@ -38,7 +39,8 @@ class Model:
     settings: dict  # learning, features and bins of the study, seed, digest of the dataset
     zero: Zero = field(default_factory=Zero)
     intervals: Intervals | None = None  # None: too few validation rows
-    familiar: Familiar | None = None  # the same
+    inverse: Inverse | None = None  # None: sensor or camera are not described so that it is known
+    check: Check | None = None  # of totals against the inverse's; None: no inverse, or few rows
 
     def predict(self, feature: np.ndarray) -> np.ndarray:
         """Return force distributions (n, B, 3) [N] of features (n, F): exactly zero where nothing touches.
@@ -47,6 +49,18 @@ class Model:
         """
         return self.zero.applied(self.predict_raw(feature))
 
+    def inputs(self, feature: np.ndarray) -> np.ndarray:
+        """Return the network's inputs (n, M) float32 of features (n, F)."""
+        flow = self.scaling.inputs(feature)
+        if not self.reads_inverse:
+            return flow
+        assert self.inverse is not None  # a file without it is refused
+        return np.concatenate([flow, self.inverse.inputs(feature)], axis=1)
+
+    @property
+    def reads_inverse(self) -> bool:
+        return network_of(self.settings["learning"]["network"]).reads_inverse
+
     def predict_raw(self, feature: np.ndarray) -> np.ndarray:
         """Return the same as the network says it, small forces where nothing touches included."""
         feature = np.atleast_2d(feature)
@@ -54,7 +68,7 @@ class Model:
             raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
         self.network.eval()
         with torch.inference_mode():
-            outputs = self.network(torch.from_numpy(self.scaling.inputs(feature))).numpy()
+            outputs = self.network(torch.from_numpy(self.inputs(feature))).numpy()
         newtons = self.scaling.newtons(outputs)
         if not np.isfinite(newtons).all():
             raise ModelError(
@@ -67,12 +81,14 @@ class Model:
             )
         return newtons
 
-    def unlike(self, feature: np.ndarray) -> np.ndarray:
-        """Return how unlike the training images those of features (n, F) are (n,), beyond 1 flagged; NaN: not known."""
-        feature = np.atleast_2d(feature)
-        if self.familiar is None:
-            return np.full(len(feature), np.nan)
-        return self.familiar.unlike(self.scaling.inputs(feature))
+    def disagreement(self, feature: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return how far the totals of predicted forces (n, B, 3) are from those of inverse elasticity (n,).
+
+        Beyond 1 a row is marked; NaN: not known. feature (n, F): of which the forces were predicted.
+        """
+        if self.inverse is None or self.check is None:
+            return np.full(len(force), np.nan)
+        return self.check.disagreement(force.sum(axis=1), self.inverse.forces(feature).sum(axis=1))
 
 
 def save_model(path: str | Path, model: Model) -> None:
@@ -84,7 +100,8 @@ def save_model(path: str | Path, model: Model) -> None:
         "settings": model.settings,
         "zero": _tensors(model.zero),
         "intervals": _tensors(model.intervals) if model.intervals else None,
-        "familiar": _tensors(model.familiar) if model.familiar else None,
+        "inverse": _tensors(model.inverse) if model.inverse else None,
+        "check": _tensors(model.check) if model.check else None,
     }
     save_tensors(path, content)
 
@@ -175,7 +192,7 @@ def implausible(model: Model) -> str:
     """
     scaling, state = model.scaling, model.network.state_dict()
     numbers = {f"weights {name}": values.numpy() for name, values in state.items()}
-    kept = [part for part in (scaling, model.zero, model.intervals, model.familiar) if part]
+    kept = [part for part in (scaling, model.zero, model.intervals, model.inverse, model.check) if part]
     numbers |= {k: v for part in kept for k, v in vars(part).items() if isinstance(v, np.ndarray)}
     for name, values in numbers.items():
         if not np.isfinite(values).all():
@@ -187,16 +204,17 @@ def implausible(model: Model) -> str:
     largest = LARGEST_OUTPUT * scaling.output_scale.max()
     if not all(0 <= threshold <= largest for threshold in (model.zero.contact_N, model.zero.bin_N)):
         return f"thresholds of {model.zero.contact_N:g} and {model.zero.bin_N:g} N"
-    if model.familiar and not 0 < model.familiar.squared_limit < np.inf:
-        return f"a limit of unlike images of {model.familiar.squared_limit:g}"
-    for ending in ("half_N", "sigma_N", "rest_limit", "deviation"):
+    if model.check and not 0 < model.check.share < np.inf:
+        return f"a share of {model.check.share:g} by which totals may differ"
+    for ending in ("half_N", "sigma_N", "singular"):
         if any(values.min(initial=0) < 0 for name, values in numbers.items() if name.endswith(ending)):
             return f"a number of {ending} is negative"
     reach = max(
         np.abs(values).max(initial=0) for name, values in numbers.items() if name.startswith("weights")
     )
     with torch.inference_mode():
-        signs = torch.tensor([[1.0], [-1.0]]).expand(-1, len(scaling.input_mean))
+        count = len(scaling.input_mean) + (scaling.output_mean.size if model.reads_inverse else 0)
+        signs = torch.tensor([[1.0], [-1.0]]).expand(-1, count)
         reach = max(reach, model.network(signs).abs().max().item())
     if not reach <= LARGEST_OUTPUT:
         return f"a weight or an output is {reach:.3g} times the usual, limit {LARGEST_OUTPUT:g}"
@@ -215,5 +233,8 @@ def _model_from(content: dict) -> Model:
     network.load_state_dict(content["weights"])
     network.eval()
     intervals = Intervals(**_arrays(content["intervals"])) if content["intervals"] else None
-    familiar = Familiar(**_arrays(content["familiar"])) if content["familiar"] else None
-    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals, familiar)
+    inverse = Inverse(**_arrays(content["inverse"])) if content["inverse"] else None
+    if inverse is None and network_of(settings["learning"]["network"]).reads_inverse:
+        raise ValueError("a network that reads the inverse, without it")
+    check = Check(**_arrays(content["check"])) if content["check"] else None
+    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals, inverse, check)

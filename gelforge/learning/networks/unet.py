@@ -22,7 +22,8 @@ class UNet(OnGrids):
 
     COARSEST = 6  # places along a side
 
-    def __init__(self, grids: Grids, channels: int):
+    def __init__(self, grids: Grids, channels: int, more: int = 0):
+        """more: maps that join those of the flow on the finest grid."""
         super().__init__(grids)
         bins = max(grids.bins_x, grids.bins_y)
         self.fold = 2 if grids.regions % 2 == 0 and grids.regions // 2 >= bins else 1
@@ -31,7 +32,7 @@ class UNet(OnGrids):
             sizes.append(-(-sizes[-1] // 2))
         widths = [channels, *[2 * channels] * (len(sizes) - 1)]
         self.down = nn.ModuleList(
-            [block(before, after) for before, after in zip([2 * self.fold**2, *widths], widths)]
+            [block(before, after) for before, after in zip([2 * self.fold**2 + more, *widths], widths)]
         )
         ends_at = max((level for level, size in enumerate(sizes) if size >= bins), default=0)
         self.back = range(len(sizes) - 2, ends_at - 1, -1)  # the levels on the way back
@@ -42,8 +43,10 @@ class UNet(OnGrids):
         self.up = nn.ModuleList(up)
         self.last = nn.Conv2d(width, 3, 1)
 
-    def on_grids(self, maps: torch.Tensor) -> torch.Tensor:
+    def on_grids(self, maps: torch.Tensor, more: torch.Tensor | None = None) -> torch.Tensor:
         maps, passed = functional.pixel_unshuffle(maps, self.fold), []
+        if more is not None:
+            maps = torch.cat([maps, resized(more, maps.shape[-2:])], dim=1)
         for level, down in enumerate(self.down):
             maps = down(functional.avg_pool2d(maps, 2, ceil_mode=True) if level else maps)
             passed.append(maps)

@@ -152,7 +152,8 @@ def _with_gain(model: Model, gain: np.ndarray) -> Model:
         model.zero, contact_N=float(model.zero.contact_N * gain[2]), bin_N=float(model.zero.bin_N * gain[2])
     )
     intervals = _scaled(model.intervals, gain, np.ones(3)) if model.intervals else None
-    return replace(model, scaling=scaling, zero=zero, intervals=intervals)
+    check = replace(model.check, gain=model.check.gain * gain) if model.check else None
+    return replace(model, scaling=scaling, zero=zero, intervals=intervals, check=check)
 
 
 def _scaled(intervals: Intervals, gain: np.ndarray, widened: np.ndarray) -> Intervals:

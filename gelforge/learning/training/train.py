@@ -31,12 +31,13 @@ from gelforge.learning.basis.data import (
 from gelforge.learning.basis.network import Grids
 from gelforge.learning.basis.scaling import ModelError, Scaling
 from gelforge.learning.basis.turns import Turner, names_of, seen_by_camera
-from gelforge.learning.models.familiarity import find_familiar
+from gelforge.learning.elasticity.check import find_check
+from gelforge.learning.elasticity.inverse import Inverse
 from gelforge.learning.models.model_file import Model, load_tensors, save_model, save_tensors
 from gelforge.learning.models.reliability import Labels, Zero, find_intervals, find_zero
 from gelforge.learning.models.views import check_scale
 from gelforge.learning.networks import make_network, network_of
-from gelforge.progress import Progress
+from gelforge.progress import Progress, tracked
 
 USUAL_THREADS = {"paper": 2}
 CHECKPOINT_FORMAT = "gelforge-checkpoint-3"
@@ -44,6 +45,7 @@ WARM_UP = 0.15  # share of the steps in which the step size grows
 LAST_RATE = 1e-3  # of the largest step size, at the end
 WEIGHT_DECAY = 1e-4
 ROWS_SET_ASIDE = 4000  # at most, for thresholds and intervals
+ROWS_OF_CHECK = 1500  # of training, and of validation: places near walls are in few orbits
 SIGMAS = ("force_sigma_N", "total_force_fem_sigma_N")
 
 
@@ -92,6 +94,7 @@ def train(
     model_path: str | Path,
     loss_path: str | Path,
     run: Run = Run(),
+    inverse: Inverse | None = None,
 ) -> bool:
     """Train the study's network and write model.pt and loss.csv; return False if the run stopped before the last step.
 
@@ -102,6 +105,8 @@ def train(
     A checkpoint `<model>.checkpoint.pt` beside the model holds weights, Adam's moments and losses; random numbers depend on
     seed and pass only. A run that finds one of the same settings and shards goes on from it, with the same result as an
     uninterrupted run on the same machine and number of threads; one of other settings is discarded. The last run removes it.
+
+    inverse: of the study's sensor and camera, kept in the model; a network that reads its forces needs it.
     """
     _check_has_images(shards)
     torch.set_num_threads(run.threads or USUAL_THREADS.get(study.learning.network, 1))
@@ -112,13 +117,19 @@ def train(
     training, validation = training_and_validation(rows, shards, study)
     plan, scaling = plan_of(study, rows, training)
     learning = plan.learning
+    inverse, forces = _read_inverse(learning, inverse, scaling, rows)
+    if inverse is not None and forces is not None:
+        settings |= {"inverse": digest([inverse.friction, inverse.singular.tolist()])}
     network = make_network(learning, plan.grids, study.seed)
     adam = _optimiser(network, learning)
     losses = _resume(checkpoint_path, settings, network, adam)
     groups = None if plan.as_article else images_of_presses(rows, training)
-    batches = Batches(rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups)
+    batches = Batches(
+        rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups, forces
+    )
     monitored = one_of_each_press(rows, validation)
-    watched = Batches(rows, monitored, scaling, max(learning.batch_size, 256), study.seed, run.buffer_rows)
+    size = max(learning.batch_size, 256)
+    watched = Batches(rows, monitored, scaling, size, study.seed, run.buffer_rows, more=forces)
 
     done = losses[-1][0] if losses else 0
     stop = min(learning.steps, done + run.stop_after) if run.stop_after else learning.steps
@@ -138,7 +149,7 @@ def train(
     if done < learning.steps:
         rows.close()
         return False
-    model = Model(network, scaling, settings)
+    model = Model(network, scaling, settings, inverse=inverse)
     model = _with_reliability(model, rows, training, validation, orbits_of(shards))
     rows.close()
     columns = ["step", "training", "validation"]
@@ -146,6 +157,27 @@ def train(
     save_model(model_path, model)
     checkpoint_path.unlink(missing_ok=True)
     return True
+
+
+def _read_inverse(
+    learning: CompleteLearning, inverse: Inverse | None, scaling: Scaling, rows: ShardDataset
+) -> tuple[Inverse | None, np.ndarray | None]:
+    """Return the inverse with the unit of the targets, and its forces (rows, 3 B) where the network reads them."""
+    reads = network_of(learning.network).reads_inverse
+    if inverse is None and reads:
+        raise ModelError(
+            f"learning.network: {learning.network} reads the forces of inverse elasticity, which need a block with "
+            "particles and a camera that is described; set network: unet"
+        )
+    if inverse is None or not reads:
+        return inverse, None
+    inverse = replace(inverse, unit_N=scaling.output_scale)
+    forces, start = np.empty((len(rows), scaling.output_mean.size), np.float32), 0
+    blocks = tracked(rows.batches((FEATURE,), 256), "blocks of 256 rows inverted", -(-len(rows) // 256))
+    for block in blocks:
+        forces[start : start + len(block[FEATURE])] = inverse.inputs(block[FEATURE])
+        start += len(block[FEATURE])
+    return inverse, forces
 
 
 def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Plan, Scaling]:
@@ -230,34 +262,39 @@ def mean_loss(network: torch.nn.Module, batches: Batches) -> float:
 def _with_reliability(
     model: Model, rows: ShardDataset, training: np.ndarray, validation: np.ndarray, orbit: dict[str, str]
 ) -> Model:
-    """Return a model with its thresholds and intervals, found on validation rows, and what images are like its own."""
+    """Return a model with its thresholds and intervals, found on validation rows, and the check of its totals."""
     watched = _drawn(rows, validation, (FEATURE, LABEL, "untouched", "cell", *SIGMAS))
     if watched is None:
         return model
-    force = np.concatenate(
-        [
-            model.predict_raw(part)
-            for part in np.array_split(watched[FEATURE], -(-len(watched[FEATURE]) // 256))
-        ]
-    )
+    force = _said(model, watched[FEATURE])
     zero = Zero()
     if model.settings["learning"]["network"] != "paper":  # the article's says what it says
         bins = model.settings["bins"]
         grid = bins["nx"], bins["ny"], np.array(model.settings["sensor_width_mm"])
         zero = find_zero(force, watched[LABEL].astype(float), watched["untouched"], grid)
     labels = Labels(*(watched[name].astype(float) for name in (LABEL, *SIGMAS)))
-    trained = _drawn(rows, training, (FEATURE, "cell"))
-    known = [part for part in (trained, watched) if part is not None]
-    inputs = np.concatenate([model.scaling.inputs(part[FEATURE]) for part in known])
-    familiar = find_familiar(inputs, np.array([orbit[name] for part in known for name in part["cell"]]))
     groups = np.array([orbit[name] for name in watched["cell"]])
     intervals = find_intervals(zero.applied(force), labels, groups)
-    return replace(model, zero=zero, intervals=intervals, familiar=familiar)
+    model = replace(model, zero=zero, intervals=intervals)
+    if model.inverse is None:
+        return model
+    parts = [_drawn(rows, side, (FEATURE,), ROWS_OF_CHECK) for side in (training, validation)]
+    feature = np.concatenate([part[FEATURE] for part in parts if part])
+    total = zero.applied(_said(model, feature)).sum(axis=1)
+    return replace(model, check=find_check(total, model.inverse.forces(feature).sum(axis=1)))
 
 
-def _drawn(rows: ShardDataset, index: np.ndarray, names: tuple[str, ...]) -> dict[str, np.ndarray] | None:
-    """Return columns of at most ROWS_SET_ASIDE of the rows index (n,), None where there is none."""
-    draw = np.random.default_rng(0).permutation(len(index))[:ROWS_SET_ASIDE]
+def _said(model: Model, feature: np.ndarray) -> np.ndarray:
+    """Return what the network says of features (n, F), a few hundred rows at a time."""
+    parts = np.array_split(feature, -(-len(feature) // 256))
+    return np.concatenate([model.predict_raw(part) for part in parts])
+
+
+def _drawn(
+    rows: ShardDataset, index: np.ndarray, names: tuple[str, ...], most: int = ROWS_SET_ASIDE
+) -> dict[str, np.ndarray] | None:
+    """Return columns of at most so many of the rows index (n,), None where there is none."""
+    draw = np.random.default_rng(0).permutation(len(index))[:most]
     return rows.read(index[np.sort(draw)], names) if len(index) else None
 
 

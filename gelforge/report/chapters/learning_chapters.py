@@ -157,11 +157,11 @@ def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> 
 TABLES = {
     "rmse": "Errors of the network on held-out sites, and on rows that it was trained on, rms{with the paper's (another"
     " sensor, 13,448 indentations)}.",
-    "baselines": "The network and baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, the"
-    " mean label of training, no force at all. RMSES: rms error of the bins whose label is not zero; total Fz: rms error of"
-    " the sum over bins.",
+    "baselines": "The network and baselines on the same rows and inputs: ridge, kernel ridge, nearest neighbours, inverse"
+    " elasticity, the mean label of training, no force at all. RMSES: rms error of the bins whose label is not zero; total"
+    " Fz: rms error of the sum over bins.",
     "errors_by": "The same errors of the network by depth, by distance from the nearest wall and from the nearest training"
-    " site, and by session (of touched rows), and the share of images flagged as unlike the training images.",
+    " site, and by session (of touched rows), and the share whose total is not that of inverse elasticity.",
     "error_budget": "Parts of the network's error on held-out sites of the virtual sensor (SYNTHETIC), rms: optics and"
     " learning make the error against the label, mechanics is that of the label. The contact point's scatter is in learning"
     " and in mechanics.",
