@@ -26,8 +26,10 @@ from gelforge.learning.networks.paper import paper_network
 from gelforge.learning.training.train import (
     CHECKPOINT_FORMAT,
     LAST_RATE,
+    LIGHT,
     WARM_UP,
     Run,
+    mean_error,
     mean_loss,
     plan_of,
     train,
@@ -373,7 +375,7 @@ def test_the_model_is_that_of_the_last_step(study, shards, tmp_path):
     model = load_model(path)
     monitored = one_of_each_press(rows, training_and_validation(rows, shards, study)[1])
     watched = Batches(rows, monitored, model.scaling, 64, seed=0)
-    assert mean_loss(model.network, watched) == pytest.approx(loss.iloc[-1], rel=1e-5)
+    assert mean_loss(model.network, watched, relative=False) == pytest.approx(loss.iloc[-1], rel=1e-5)
     assert loss.idxmin() < len(loss) - 1
 
 
@@ -405,3 +407,14 @@ def test_training_leaves_denormal_numbers_as_they_were(study, shards, tmp_path):
     train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
     assert np.finfo(float).tiny / 2 > 0
     assert np.array([np.finfo(float).tiny]) / np.array([2.0]) > 0
+
+
+def test_relative_errors_count_light_contacts_beside_deep_ones():
+    """Errors of a tenth of the force count alike above LIGHT; without it they go with the square of the force."""
+    deep = torch.tensor([[10.0, -10.0]])
+    light = deep / 5
+    relative = [mean_error(1.1 * force, force, relative=True).item() for force in (deep, light)]
+    plain = [mean_error(1.1 * force, force, relative=False).item() for force in (deep, light)]
+    assert plain[0] == pytest.approx(25 * plain[1], rel=1e-5)
+    assert relative[0] == pytest.approx(0.01 * 100 / (100 + LIGHT), rel=1e-5)
+    assert relative[1] == pytest.approx(0.01 * 4 / (4 + LIGHT), rel=1e-5)

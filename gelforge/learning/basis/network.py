@@ -75,7 +75,7 @@ class OnGrids(nn.Module):
 def block(before: int, after: int) -> nn.Sequential:
     """Return two convolutions; nothing is normalised, as the size of the flow gives the size of the force."""
     first, second = nn.Conv2d(before, after, 3, padding=1), nn.Conv2d(after, after, 3, padding=1)
-    return nn.Sequential(first, nn.ReLU(), second, nn.ReLU())
+    return nn.Sequential(first, nn.SiLU(), second, nn.SiLU())
 
 
 def resized(maps: torch.Tensor, size: Sequence[int]) -> torch.Tensor:

@@ -44,6 +44,7 @@ CHECKPOINT_FORMAT = "gelforge-checkpoint-3"
 WARM_UP = 0.15  # share of the steps in which the step size grows
 LAST_RATE = 1e-3  # of the largest step size, at the end
 WEIGHT_DECAY = 1e-4
+LIGHT = 0.1  # mean square, over that of all rows, below which a contact counts less than deeper ones
 ROWS_SET_ASIDE = 4000  # at most, for thresholds and intervals
 ROWS_OF_CHECK = 1500  # of training, and of validation: places near walls are in few orbits
 SIGMAS = ("force_sigma_N", "total_force_fem_sigma_N")
@@ -85,6 +86,11 @@ class Plan:
     @property
     def as_article(self) -> bool:
         return network_of(self.learning.network).as_article
+
+    @property
+    def relative(self) -> bool:
+        """Whether errors are taken over the force of their row; the article takes them as they are."""
+        return not self.as_article
 
 
 @_without_denormals()
@@ -142,7 +148,7 @@ def train(
                     f"the training loss up to step {done} is not finite; give a smaller learning.learning_rate "
                     f"(now {learning.learning_rate:g}), and check the features"
                 )
-            losses.append((done, training_loss, mean_loss(network, watched)))
+            losses.append((done, training_loss, mean_loss(network, watched, plan.relative)))
             progress.advance(done - before, f"loss {losses[-1][1]:.4f}, of validation {losses[-1][2]:.4f}")
             if done >= stop or done // run.checkpoint_every > before // run.checkpoint_every:
                 _save_checkpoint(checkpoint_path, settings, network, adam, losses)
@@ -240,7 +246,7 @@ def one_pass(
         if len(plan.turns) > 1:
             inputs, targets = turner(rng.integers(len(plan.turns), size=len(inputs)), inputs, targets)
         adam.zero_grad(set_to_none=True)
-        loss = torch.nn.functional.mse_loss(network(inputs), targets)
+        loss = mean_error(network(inputs), targets, plan.relative)
         loss.backward()
         adam.step()
         done += 1
@@ -248,13 +254,22 @@ def one_pass(
     return done, total / count
 
 
-def mean_loss(network: torch.nn.Module, batches: Batches) -> float:
-    """Return the mean squared error of bins per row without dropout; NaN where there is no row."""
+def mean_error(found: torch.Tensor, targets: torch.Tensor, relative: bool) -> torch.Tensor:
+    """Return the mean over rows of the mean squared error of bins (n, 3 B) in scaled units.
+
+    relative: over the row's own mean square and LIGHT, so that light contacts count beside deep ones.
+    """
+    error = (found - targets).square().mean(dim=1)
+    return (error / (targets.square().mean(dim=1) + LIGHT) if relative else error).mean()
+
+
+def mean_loss(network: torch.nn.Module, batches: Batches, relative: bool) -> float:
+    """Return the loss per row without dropout; NaN where there is no row."""
     network.eval()
     total, count = 0.0, 0
     with torch.inference_mode():
         for inputs, targets in batches.in_order():
-            total += torch.nn.functional.mse_loss(network(inputs), targets).item() * len(inputs)
+            total += mean_error(network(inputs), targets, relative).item() * len(inputs)
             count += len(inputs)
     return total / count if count else float("nan")
 
