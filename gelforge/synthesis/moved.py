@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.config import Sensor
+from gelforge.config import Sensor, VirtualParticles
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.interpolation.nodal_forces import NodalForces
@@ -46,11 +46,19 @@ class MovedPresses:
         The solved paths with the gel's displacement.
     symmetric : bool
         Whether the sensor has the symmetries of a square.
+    particles : VirtualParticles, optional
+        What moves with the gel.
     """
 
-    def __init__(self, sensor: Sensor, cells: Sequence[Cell], symmetric: bool):
+    def __init__(
+        self,
+        sensor: Sensor,
+        cells: Sequence[Cell],
+        symmetric: bool,
+        particles: VirtualParticles | None = None,
+    ):
         self.sensor, self.symmetric = sensor, symmetric
-        self.frame = MovingFrame(sensor)
+        self.frame = MovingFrame(sensor, particles)
         self.cells = [cell for cell in cells if len(cell.arrays["depth_mm"])]
         self._fields: dict[int, np.ndarray] = {}
         self._forces = [NodalForces.of(cell) for cell in self.cells]

@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from gelforge.config import Study
+from gelforge.config import Study, given
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
-from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points
+from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights
 from gelforge.mechanics.indenters.shapes import Sphere
@@ -37,7 +37,8 @@ class StraightPresses:
     """
 
     def __init__(self, study: Study, cells: Sequence[Cell]):
-        self.sensor, self.frame = study.sensor, MovingFrame(study.sensor)
+        self.sensor = study.sensor
+        self.frame = MovingFrame(study.sensor, given(study.synthesis, "synthesis").particles)
         self.depths = np.concatenate([[0.0], cells[0].arrays["depth_mm"]])
         shape = shape_of(study.indenter)
         self._ball = shape if isinstance(shape, Sphere) else None
@@ -94,11 +95,10 @@ class StraightPresses:
         loaded = [
             (n, float(w)) for n, w in zip(numbers, along) if n > 0
         ]  # nothing is displaced at depth zero
-        bins = self._bins(at, depth, pairs, loaded)
+        nodes = self._nodes(depth, pairs, loaded).turned(D4[turn].T)  # back to the place
+        found = nodes.binned(place, self.sensor)[0].reshape(-1, 6)
+        bins = found[:, :3] + found[:, 3:]
         field = self._field(pairs, loaded)
-        back = next(name for name in D4 if (D4[name] == D4[turn].T).all())
-        if back != "identity":
-            bins = transform_bins(back, bins, self.sensor.bins.nx)
 
         def moved(particles: np.ndarray) -> np.ndarray:
             local = (
@@ -127,8 +127,8 @@ class StraightPresses:
             total += field if name == "identity" else turned_field(name, field)
         return total
 
-    def _bins(self, at: np.ndarray, depth: float, pairs, loaded) -> np.ndarray:
-        """Return the forces (B, 3) [N] of the bins: every node of every site and depth, weighted."""
+    def _nodes(self, depth: float, pairs, loaded) -> NodalForces:
+        """Return the weighted forces of every node of every site and depth."""
         offsets, halves, forces = [], [], []
         for number, along in loaded:
             scale = self._contact_width(depth) / self._contact_width(self.depths[number])
@@ -139,9 +139,7 @@ class StraightPresses:
                 offsets.append(scale * nodes.offset_mm[on])
                 halves.append(scale * nodes.half_mm[on])
                 forces.append(weight * along * force[on])
-        merged = NodalForces(np.concatenate(offsets), np.concatenate(halves), np.concatenate(forces)[None])
-        found = merged.binned(at, self.sensor)[0].reshape(-1, 6)
-        return found[:, :3] + found[:, 3:]
+        return NodalForces(np.concatenate(offsets), np.concatenate(halves), np.concatenate(forces)[None])
 
     def _contact_width(self, depth: float) -> float:
         return float(self._ball.section(depth)[0, 2]) if self._ball else 1.0
