@@ -14,13 +14,13 @@ from gelforge.indentation.cells.cell_file import Cell, read_cell
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.progress import tracked
 from gelforge.recording.optics.remap import scale_of_view
+from gelforge.synthesis import SESSION
 from gelforge.synthesis.draws import Solution, site_places
 from gelforge.synthesis.images import series_features
 from gelforge.synthesis.moved import DrawnPress, MovedPresses
 from gelforge.synthesis.straight import StraightPresses
 from gelforge.virtual_lab.particles import VirtualLabError, interpolation
 
-SESSION = "simulated"
 SERIES_ROWS = 16  # presses of one image series; each series has particles, camera and light of its own
 LIGHT_SHARE = 0.2  # of the deepest depth: light presses, whose depths are drawn evenly over magnitudes
 
@@ -82,7 +82,8 @@ class Presses:
                     f"site {cell.attributes['cell']} at ({cell.attributes['x_mm']:g}, {cell.attributes['y_mm']:g}) mm ended "
                     f"early: {cell.attributes['reason']}; make synthesis.depth_mm smaller or synthesis.margin_mm larger"
                 )
-        self.moved = MovedPresses(study.sensor, paths, study.sensor_has_symmetry_of_square)
+        symmetric = study.sensor_has_symmetry_of_square
+        self.moved = MovedPresses(study.sensor, paths, symmetric, synthesis.particles)
         classes = synthesis.classes
         if classes.paths and not self.moved.cells:
             raise VirtualLabError(
