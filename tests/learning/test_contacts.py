@@ -1,4 +1,4 @@
-"""Contacts of a force distribution: two apart are two, two that touch are one, each with its own total and centre."""
+"""Contacts of a force distribution: two apart are two, a valley divides two that touch, each has its own total and centre."""
 
 import csv
 import json
@@ -40,11 +40,30 @@ def test_contacts_add_up_to_the_total_and_one_alone_is_at_the_centre_of_pressure
     assert_allclose(one.centre_mm, centre_of_pressure(pressed((8.3, 11.9))[None], NX, NY, WIDTH)[0])
 
 
-def test_contacts_that_touch_are_one():
-    assert len(contacts(pressed((9.0, 10.5), (14.0, 10.5)), NX, NY, WIDTH)) == 1
+def test_contacts_that_touch_are_two_where_a_valley_divides_them():
+    one, other = (5.0, 13.5), (17.0, 13.5)
+    force = pressed(one, other, radius=6.5)  # between them a quarter of the weaker top
+    found = contacts(force, NX, NY, WIDTH)
+    assert len(found) == 2
+    assert_allclose([one.centre_mm[0] for one in found], [17.0, 5.0], atol=1.0)
+    assert_allclose(sum(one.force_N for one in found), force.sum(axis=0), atol=1e-12)
+    level = force.copy()
+    level[:, 2] = np.where(force[:, 2] < 0, force[:, 2] - 0.8, 0)  # the same hills on a plateau
+    assert len(contacts(level, NX, NY, WIDTH)) == 1
+
+
+def test_bins_that_share_a_corner_are_one_contact():
     corner = np.zeros((NX * NY, 3))
-    corner[[0, NX + 1], 2] = -1.0  # bins that share a corner
+    corner[[0, NX + 1], 2] = -1.0
     assert len(contacts(corner, NX, NY, WIDTH)) == 1
+
+
+def test_the_rim_of_a_punch_is_no_contact_of_its_own():
+    x, y = (np.arange(NX * NY) % NX + 0.5) * 2.0, (np.arange(NX * NY) // NX + 0.5) * 3.0
+    away = np.hypot(x - 12, y - 13.5)
+    force = np.zeros((NX * NY, 3))
+    force[:, 2] = -np.where(away < 6.5, np.where(away < 3.5, 0.3, 1.0), 0)
+    assert len(contacts(force, NX, NY, WIDTH)) == 1
 
 
 def test_what_pulls_is_no_contact_and_an_untouched_sensor_has_none():
