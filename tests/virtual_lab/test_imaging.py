@@ -192,4 +192,4 @@ def test_printed_dots_have_one_grey_level_however_far_they_are():
     rim = np.rint(project(CAMERA, centres[:1] + [0.35, 0, 0])[0][0]).astype(int)
     assert flat[rim[1], rim[0]] == 200 and shaded[rim[1], rim[0]] < 180
     apart = draw(CAMERA, PLAIN.model_copy(update={"defocus_px_per_mm": 0.01}), centres, 1.0, flat=True)
-    assert_allclose([apart[v, u], apart[far_v, far_u]], 200, atol=1)
+    assert_allclose([apart[v, u], apart[far_v, far_u], apart[rim[1], rim[0]]], 200, atol=1)
