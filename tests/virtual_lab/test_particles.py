@@ -146,8 +146,9 @@ def test_dots_are_about_the_middle_and_shifted_and_turned_from_serial_to_serial(
     straight = dots_of("a", offset_mm=0.0, rotation_deg=0.0)
     assert_allclose(straight.mean(axis=0), [16, 20.5, -0.3], atol=1e-9)
     assert_array_equal(dots_of("a"), dots_of("a"))
-    nearest = [cKDTree(dots_of(serial, rotation_deg=0.0)).query([16, 20.5, -0.3])[1] for serial in "abcdefgh"]
-    places = np.array([dots_of(s, rotation_deg=0.0)[k, :2] for s, k in zip("abcdefgh", nearest)])
+    middle = straight[cKDTree(straight).query([16, 20.5, -0.3])[1]]
+    shifted = [dots_of(serial, rotation_deg=0.0) for serial in "abcdefgh"]
+    places = np.array([P[cKDTree(P).query(middle)[1], :2] for P in shifted])
     assert 0.1 < places.std(axis=0).mean() < 0.4  # 0.2 as asked for, of eight draws
     row = [P[np.argsort(np.hypot(*(P[:, :2] - [16, 20.5]).T))[:2]] for P in map(dots_of, "abcdefgh")]
     turned = [np.degrees(np.arctan2(*(b - a)[1::-1])) % 90 for a, b in row]
