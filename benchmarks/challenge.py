@@ -34,6 +34,7 @@ import other_images  # noqa: E402
 import transfer  # noqa: E402
 from force_errors import force_errors  # noqa: E402
 
+from gelforge.cli.model.learning import inverse_elasticity  # noqa: E402
 from gelforge.config import Learning, Study, load_study, load_virtual_lab  # noqa: E402
 from gelforge.dataset.shard import ShardDataset  # noqa: E402
 from gelforge.learning.basis.data import FEATURE, LABEL, measure_scaling, training_and_validation  # noqa: E402
@@ -95,7 +96,8 @@ def network(task: Task, seed: int, learning: dict) -> Predict:
     study = task.study.model_copy(update={"seed": seed, "learning": described})
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        train(study, task.shards, out / "model.pt", out / "loss.csv", Run(threads=1))
+        inverse = inverse_elasticity(study, task.shards)
+        train(study, task.shards, out / "model.pt", out / "loss.csv", Run(threads=1), inverse)
         return load_model(out / "model.pt").predict
 
 
@@ -116,7 +118,7 @@ def mean_label(task: Task, seed: int) -> Predict:
 
 def entry(name: str) -> Callable[[Task, int], Predict]:
     """Return the entry of a name: a network, a baseline, or module:function of anybody's own."""
-    if name in ("unet", "cnn"):
+    if name in ("unet", "unet_inverse", "cnn"):
         return partial(network, learning={"network": name})
     if name in BASELINES:
         return partial(baseline, name=name)
@@ -125,7 +127,7 @@ def entry(name: str) -> Callable[[Task, int], Predict]:
     module, colon, function = name.partition(":")
     if not colon:
         raise SystemExit(
-            f"no entry {name!r}; give unet, cnn, mean, {', '.join(BASELINES)} or module:function"
+            f"no entry {name!r}; give unet, unet_inverse, cnn, mean, {', '.join(BASELINES)} or module:function"
         )
     return getattr(import_module(module), function)
 

@@ -26,6 +26,7 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from force_errors import force_errors  # noqa: E402
 
+from gelforge.cli.model.learning import inverse_elasticity  # noqa: E402
 from gelforge.config import Study, load_study  # noqa: E402
 from gelforge.dataset.shard import ShardDataset, shard_attributes  # noqa: E402
 from gelforge.learning.basis.data import FEATURE, LABEL  # noqa: E402
@@ -147,7 +148,7 @@ def trained(study: Study, shards: list[Path], seed: int) -> Model:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         changed = study.model_copy(update={"seed": seed})
-        train(changed, shards, out / "model.pt", out / "loss.csv", Run())
+        train(changed, shards, out / "model.pt", out / "loss.csv", Run(), inverse_elasticity(changed, shards))
         return load_model(out / "model.pt")
 
 

@@ -17,7 +17,7 @@ from gelforge.cli.study import commands as study
 GROUPS = """\
 a study            init, examples, check, show, explain, report, tables, adapt, unlock
 by hand            import, press, characterise, verify, mismatch, mismatch-materials
-live               export, predict, live
+models             model, export, predict, live
 cameras            calibrate-camera, camera-pose
 what the workflow runs
                    fit-law, plan, simulate, level, derive, sensitivities, simulate-session, readings, features, join,

@@ -26,6 +26,7 @@ from gelforge.config.parts.sensor import Bins, Flange, Indenter, IndenterPart, L
 from gelforge.config.sessions.session import DepthZero, ForceSensor, Session, StageToSensor
 from gelforge.config.sessions.synthesis import Synthesis
 from gelforge.config.sessions.virtual_lab import (
+    PrintedDots,
     VirtualForce,
     VirtualImaging,
     VirtualLab,
@@ -83,6 +84,7 @@ __all__ = [
     "Plan",
     "Port",
     "Positive",
+    "PrintedDots",
     "Remap",
     "Section",
     "Sensor",

@@ -9,6 +9,7 @@ import numpy as np
 
 from gelforge.config import Camera
 from gelforge.learning.deployment.predictor import Predictor
+from gelforge.learning.models.contacts import Contact, contacts
 from gelforge.learning.models.reliability import centre_of_pressure
 from gelforge.live.capture import Shot
 from gelforge.recording.features import FlowFeatures
@@ -35,6 +36,7 @@ class Reading:
     total_N: np.ndarray | None = None  # (3,)
     total_half_N: np.ndarray | None = None  # (3,)
     cop_mm: np.ndarray | None = None  # (2,)
+    contacts: tuple[Contact, ...] = ()
     problem: str = ""
     warnings: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)  # by STEPS
@@ -156,7 +158,7 @@ class LiveForce:
             else (None, None)
         )
         place = centre_of_pressure(batch, *self.grid)[0] if force[:, 2].any() else np.array([np.nan, np.nan])
-        mark(place)
+        apart = tuple(mark(contacts(force, *self.grid)))
         warnings = mark(self.look.warnings(image))
         if disagreement > 1:
             warning = (
@@ -172,6 +174,7 @@ class LiveForce:
             force.sum(axis=0),
             bars[1],
             place if np.isfinite(place).all() else None,
+            apart,
             warnings=warnings,
             seconds=dict(zip(STEPS, np.diff(marks).tolist())),
             zero=self.zero,

@@ -55,6 +55,7 @@ def about(settings: dict, model_sha256: str, source: str) -> dict:
         "source": source,
         "study": settings.get("study", ""),
         "synthetic": bool(settings.get("synthetic")),
+        "trained_on": settings.get("trained_on", ""),
         "model_sha256": model_sha256,
         "bins": [bins["nx"], bins["ny"]],
         "sensor_width_mm": settings["sensor_width_mm"],
@@ -77,6 +78,10 @@ def of_reading(reading: Reading, state: dict, field: bool) -> dict:
         "force_N": _numbers(reading.total_N),
         "half_N": _numbers(reading.total_half_N),
         "cop_mm": _numbers(reading.cop_mm, 3),
+        "contacts": [
+            {"force_N": _numbers(one.force_N), "cop_mm": _numbers(one.centre_mm, 3)}
+            for one in reading.contacts
+        ],
         "zero": reading.zero,
         "warnings": list(reading.warnings),
         "problem": reading.problem,

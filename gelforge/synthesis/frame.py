@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from gelforge.config import Sensor
+from gelforge.config import Sensor, VirtualParticles
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.sensor.symmetry import D4
-from gelforge.virtual_lab.particles import VirtualLabError, gel_boxes, interpolation
+from gelforge.virtual_lab.particles import VirtualLabError, dots_box, gel_boxes, interpolation
 
 CORE_HEIGHTS = 0.5  # half width, over the sensor's height, of the part that moves with the indenter
 CORE_INTERVALS = (
@@ -22,6 +22,8 @@ CORE_INTERVALS = (
 OUTER_INTERVALS = 11  # to each wall, finer towards the indenter
 OUTER_POWER = 1.5
 HEIGHTS = 13
+# Dots lie on one plane, near the contact's edge, where displacement changes within a fraction of a millimetre.
+DOT_FINER = 3  # as many intervals as for particles in a volume
 INSIDE_MM = 1e-6  # a point on the gel's border is moved inwards, so that it lies in an element
 
 
@@ -31,15 +33,25 @@ class MovingFrame:
     Parameters
     ----------
     sensor : Sensor
-        A block whose layers with particles form one box.
+        A block whose layers with particles form one box; where none has any, all of it.
+    particles : VirtualParticles, optional
+        What moves with the gel. Of printed dots the grid is one plane of finer intervals.
 
     Raises
     ------
     VirtualLabError
-        If the layers with particles do not form one box.
+        If the layers with particles do not form one box, or dots lie in none of them.
     """
 
-    def __init__(self, sensor: Sensor):
+    def __init__(self, sensor: Sensor, particles: VirtualParticles | None = None):
+        self.core_mm = CORE_HEIGHTS * sensor.height_mm
+        dots = particles.dots if particles else None
+        finer = DOT_FINER if dots else 1
+        self.core_intervals, self.outer_intervals = finer * CORE_INTERVALS, finer * OUTER_INTERVALS
+        if dots:
+            self.low, self.high = dots_box(dots, sensor)
+            self.heights = np.array([-dots.depth_mm])
+            return
         boxes = gel_boxes(sensor)
         for (_, below), (above, _) in zip(boxes, boxes[1:]):
             if abs(below[2] - above[2]) > INSIDE_MM:
@@ -51,13 +63,12 @@ class MovingFrame:
         self.low = np.max([low for low, _ in boxes], axis=0)
         self.high = np.min([high for _, high in boxes], axis=0)
         self.low[2], self.high[2] = boxes[0][0][2], boxes[-1][1][2]
-        self.core_mm = CORE_HEIGHTS * sensor.height_mm
         self.heights = np.linspace(self.low[2], self.high[2], HEIGHTS)
 
     def lines(self, at: float, axis: int) -> np.ndarray:
         """Return the positions (n,) [mm] of the grid's lines along an axis with the indenter at a position [mm]."""
-        outer = np.linspace(0.0, 1.0, OUTER_INTERVALS + 1)[1:] ** OUTER_POWER
-        inner = np.linspace(0.0, 1.0, CORE_INTERVALS // 2 + 1)
+        outer = np.linspace(0.0, 1.0, self.outer_intervals + 1)[1:] ** OUTER_POWER
+        inner = np.linspace(0.0, 1.0, self.core_intervals // 2 + 1)
         sides = []
         for room in (at - self.low[axis], self.high[axis] - at):
             core = self.core_mm * np.tanh(room / (1.5 * self.core_mm))  # smooth in the place, always inside

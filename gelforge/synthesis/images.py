@@ -1,4 +1,4 @@
-"""Image series of a simulated sensor: particles drawn where presses move them, and reduced to features."""
+"""Image series of a simulated sensor: particles or dots drawn where presses move them, and reduced to features."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def series_features(
     particles = place_particles(synthesis.particles, study.sensor, serial)
     camera, imaging = _view(study, rng)
     imaging = focused(imaging, particles)
-    diameter = synthesis.particles.diameter_mm
+    diameter, flat = synthesis.particles.diameter_mm, synthesis.particles.dots is not None
 
     def seen(moved: np.ndarray) -> np.ndarray:
-        image = expose(draw(camera, imaging, particles + moved, diameter), imaging, rng)
+        image = expose(draw(camera, imaging, particles + moved, diameter, flat), imaging, rng)
         return reduced(image, study.features.image_scale)
 
     extract = FlowFeatures(seen(np.zeros(3)), study.features)

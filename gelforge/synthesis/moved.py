@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from gelforge.config import Study
+from gelforge.config import Study, given
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.interpolation.nodal_forces import NodalForces
@@ -47,7 +47,8 @@ class MovedPresses:
         own: Sequence[bool],
         straight: StraightPresses | None = None,
     ):
-        self.sensor, self.frame, self.straight = study.sensor, MovingFrame(study.sensor), straight
+        self.sensor, self.straight = study.sensor, straight
+        self.frame = MovingFrame(study.sensor, given(study.synthesis, "synthesis").particles)
         kept = [k for k, cell in enumerate(cells) if len(cell.arrays["depth_mm"])]
         self.cells, self.own = [cells[k] for k in kept], [own[k] for k in kept]
         self._forces = [NodalForces.of(cell) for cell in self.cells]

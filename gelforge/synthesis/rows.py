@@ -16,6 +16,7 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.progress import tracked
 from gelforge.recording.optics.remap import scale_of_view
+from gelforge.synthesis import SESSION
 from gelforge.synthesis.drawn_press import DrawnPress
 from gelforge.synthesis.draws import Solution, drawn_path, path_number, site_places
 from gelforge.synthesis.images import series_features
@@ -23,7 +24,6 @@ from gelforge.synthesis.moved import MovedPresses
 from gelforge.synthesis.straight import StraightPresses
 from gelforge.virtual_lab.particles import VirtualLabError, interpolation
 
-SESSION = "simulated"
 SERIES_ROWS = 16  # presses of one image series; each series has particles, camera and light of its own
 LIGHT_SHARE = 0.2  # of the deepest depth: light presses, whose depths are drawn evenly over magnitudes
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gelforge.config import Study
+from gelforge.config import Study, given
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.indentation.sensor.symmetry import D4, transform_points
@@ -37,7 +37,8 @@ class StraightPresses:
     """
 
     def __init__(self, study: Study, cells: Sequence[Cell]):
-        self.sensor, self.frame = study.sensor, MovingFrame(study.sensor)
+        self.sensor = study.sensor
+        self.frame = MovingFrame(study.sensor, given(study.synthesis, "synthesis").particles)
         self.depths = np.concatenate([[0.0], cells[0].arrays["depth_mm"]])
         shape = shape_of(study.indenter)
         self._ball = shape if isinstance(shape, Sphere) else None

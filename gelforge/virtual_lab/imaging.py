@@ -1,4 +1,4 @@
-"""The virtual camera: particles drawn as shaded balls, far ones first, then blur, light and the sensor's noise."""
+"""The virtual camera: particles drawn as shaded balls, far ones first, or flat dots; then blur, light and noise."""
 
 from __future__ import annotations
 
@@ -19,13 +19,15 @@ GREY_OF_RGB = np.array(
 SLABS = 8  # of equal height in which particles are blurred alike where the optics have a plane in focus
 
 
-def picture(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float) -> np.ndarray:
+def picture(
+    camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float, flat: bool = False
+) -> np.ndarray:
     """Return what the camera shows, noise-free as `draw`: (H, W) in grey, or (H, W, 3) in blue, green, red."""
     if imaging.particle_rgb is None or imaging.background_rgb is None:  # both or neither
-        return draw(camera, imaging, centres, diameter_mm)
+        return draw(camera, imaging, centres, diameter_mm, flat)
     colours = list(zip(imaging.background_rgb, imaging.particle_rgb))[::-1]
     return np.dstack(
-        [draw(camera, _with_levels(imaging, *levels), centres, diameter_mm) for levels in colours]
+        [draw(camera, _with_levels(imaging, *levels), centres, diameter_mm, flat) for levels in colours]
     )
 
 
@@ -49,25 +51,29 @@ def _with_levels(imaging: VirtualImaging, background: float, particle: float) ->
     return imaging.model_copy(update=levels | {"background_rgb": None, "particle_rgb": None})
 
 
-def draw(camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float) -> np.ndarray:
+def draw(
+    camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float, flat: bool = False
+) -> np.ndarray:
     """Return the noise-free image (H, W) float32 in grey levels of balls at centres (P, 3) [mm] in the sensor frame.
 
     A ball appears as a disc of radius f d / (2 Z), or as lens and port enlarge it there, whose border is smoothed over one
-    pixel (coverage by distance), shaded as a matt ball lit from the camera; nearer discs cover farther ones.
+    pixel (coverage by distance), shaded as a matt ball lit from the camera; nearer discs cover farther ones. Flat: dots of
+    one grey level, however far.
     """
     pixels, distance, radius = discs(camera, centres, diameter_mm)
     far_first = np.argsort(-distance, kind="stable")
+    fade, ambient = (0.0, 1.0) if flat else (FADE, AMBIENT)
     nearness = (distance.max() - distance) / max(np.ptp(distance), 1e-9)
     contrast = imaging.particle_grey - imaging.background_grey
-    brightness = imaging.background_grey + contrast * (1 - FADE + FADE * nearness)
+    brightness = imaging.background_grey + contrast * (1 - fade + fade * nearness)
     image: np.ndarray = np.full(
         (camera.height_px, camera.width_px), imaging.background_grey, dtype=np.float32
     )
     ordered = pixels[far_first], radius[far_first], brightness[far_first]
     if imaging.defocus_px_per_mm > 0:
-        image = _out_of_focus(image, ordered, centres[far_first, 2], imaging)
+        image = _out_of_focus(image, ordered, centres[far_first, 2], imaging, ambient)
     else:
-        _paint(image, *ordered, AMBIENT)
+        _paint(image, *ordered, ambient)
         if imaging.blur_px > 0:
             image = cv2.GaussianBlur(image, (0, 0), imaging.blur_px)
     if imaging.vignetting or imaging.uneven_light:
@@ -99,7 +105,9 @@ def light(shape: tuple[int, int], imaging: VirtualImaging) -> np.ndarray:
     return (lost * (1 + imaging.uneven_light * u / 2)).astype(np.float32)
 
 
-def _out_of_focus(image: np.ndarray, ordered, z: np.ndarray, imaging: VirtualImaging) -> np.ndarray:
+def _out_of_focus(
+    image: np.ndarray, ordered, z: np.ndarray, imaging: VirtualImaging, ambient: float
+) -> np.ndarray:
     """Return the image with discs laid over it slab by slab in the order given, each blurred by its height from the focus.
 
     ordered: pixels (P, 2), radius (P,), brightness (P,); z (P,) [mm]: their heights. A slab is laid over what is behind it
@@ -115,7 +123,7 @@ def _out_of_focus(image: np.ndarray, ordered, z: np.ndarray, imaging: VirtualIma
         blur = max(float(np.hypot(imaging.blur_px, off)), 1e-3)
         colour, cover = np.zeros_like(image), np.zeros_like(image)
         pixels, radius, brightness = (part[some] for part in ordered)
-        _paint(colour, pixels, radius, brightness, AMBIENT)
+        _paint(colour, pixels, radius, brightness, ambient)
         _paint(cover, pixels, radius, np.ones_like(brightness), 1.0)
         image = image * (1 - cv2.GaussianBlur(cover, (0, 0), blur)) + cv2.GaussianBlur(colour, (0, 0), blur)
     return image

@@ -1,4 +1,4 @@
-"""Tracer particles in the undeformed gel, and where a simulated indentation moves them."""
+"""Tracer particles or printed dots in the undeformed gel, and where a simulated indentation moves them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from gelforge.config import Sensor, VirtualParticles
+from gelforge.config import PrintedDots, Sensor, VirtualParticles
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.symmetry import transform_points, transform_vectors
@@ -29,7 +29,7 @@ def serial_seed(serial: str) -> int:
 
 
 def gel_boxes(sensor: Sensor) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the lowest and highest corner (3,) [mm] of each layer with particles.
+    """Return the lowest and highest corner (3,) [mm] of each layer that the camera sees move.
 
     The wall surrounds every layer but the top one.
     """
@@ -38,23 +38,65 @@ def gel_boxes(sensor: Sensor) -> list[tuple[np.ndarray, np.ndarray]]:
         wall = sensor.wall_mm if number < len(sensor.layers) - 1 else 0.0
         low = np.array([wall, wall, base])
         high = np.array([sensor.width_x_mm - wall, sensor.width_y_mm - wall, base + layer.thickness_mm])
-        if layer.particle_volume_fraction > 0:
+        if layer in sensor.imaged_layers:
             boxes.append((low, high))
         base += layer.thickness_mm
-    if not boxes:
-        raise VirtualLabError(
-            "no layer has particle_volume_fraction > 0; the virtual camera would see nothing"
-        )
     return boxes
 
 
-def place_particles(particles: VirtualParticles, sensor: Sensor, serial: str) -> np.ndarray:
-    """Return the centres (P, 3) [mm] of particles wholly inside the gel that do not overlap, seeded by the serial.
+def dots_box(dots: PrintedDots, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners (3,) [mm] of the layer in which dots are printed; on a border between two, of the upper one."""
+    for low, high in reversed(gel_boxes(sensor)):
+        if low[2] <= -dots.depth_mm <= high[2]:
+            return low, high
+    names = ", ".join(layer.name for layer in sensor.imaged_layers)
+    raise VirtualLabError(
+        f"dots {dots.depth_mm:g} mm deep lie in none of the layers that the camera sees ({names}); correct "
+        "particles.dots.depth_mm, or the layers' particle_volume_fraction"
+    )
 
-    Random sequential addition: uniform candidates, each refused that overlaps an earlier particle.
+
+def mean_height(particles: VirtualParticles, sensor: Sensor) -> float:
+    """Return the mean height [mm] of what the camera sees move: of dots, of layers with particles."""
+    if particles.dots:
+        return -particles.dots.depth_mm
+    return float(np.mean([(low[2] + high[2]) / 2 for low, high in gel_boxes(sensor)]))
+
+
+def place_particles(particles: VirtualParticles, sensor: Sensor, serial: str) -> np.ndarray:
+    """Return the centres (P, 3) [mm] of particles or dots, seeded by the serial.
+
+    Particles lie wholly inside the gel and do not overlap. Random sequential addition: uniform candidates, each refused that
+    overlaps an earlier particle. Dots lie on a square grid, shifted and turned as drawn.
     """
     rng = np.random.default_rng(serial_seed(serial))
+    if particles.dots:
+        return _printed(particles.dots, particles.diameter_mm, sensor, rng)
+    if not any(layer.particle_volume_fraction for layer in sensor.layers):
+        raise VirtualLabError(
+            "no layer has particle_volume_fraction > 0; the virtual camera would see nothing; give a layer particles, or "
+            "particles.dots"
+        )
     return np.concatenate([_fill(low, high, particles, rng) for low, high in gel_boxes(sensor)])
+
+
+def _printed(dots: PrintedDots, diameter: float, sensor: Sensor, rng: np.random.Generator) -> np.ndarray:
+    if dots.spacing_mm <= diameter:
+        raise VirtualLabError(
+            f"dots {diameter:g} mm wide every {dots.spacing_mm:g} mm overlap; make spacing_mm larger or diameter_mm smaller"
+        )
+    low, high = (corner[:2] for corner in dots_box(dots, sensor))
+    count = (
+        int(np.hypot(*(high - low)) / dots.spacing_mm) + 2
+    )  # more than along the diagonal: some fall outside
+    line = (np.arange(count) - (count - 1) / 2) * dots.spacing_mm
+    grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    angle = np.radians(dots.rotation_deg) * rng.standard_normal()
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    middle = np.array([sensor.width_x_mm, sensor.width_y_mm]) / 2
+    xy = grid @ turn.T + middle + dots.offset_mm * rng.standard_normal(2)
+    inside = ((xy >= low + diameter / 2) & (xy <= high - diameter / 2)).all(axis=1)
+    return np.column_stack([xy[inside], np.full(inside.sum(), -dots.depth_mm)])
 
 
 def _fill(

@@ -302,9 +302,15 @@ def read_force(on_sensor: np.ndarray, bench: Bench, rng: np.random.Generator) ->
 def _bench(lab: VirtualLab, lab_session: VirtualSession, study: Study) -> Bench:
     particles = place_particles(lab.particles, study.sensor, lab.serial)
     lab = lab.model_copy(update={"imaging": focused(lab.imaging, particles)})
-    untouched = picture(lab.camera, lab.imaging, particles, lab.particles.diameter_mm)
+    untouched = _seen(lab, particles)
     offset = np.random.default_rng([lab_session.seed, 1]).normal(0, lab.force.offset_N)
     return Bench(lab, lab_session, particles, untouched, offset)
+
+
+def _seen(lab: VirtualLab, centres: np.ndarray) -> np.ndarray:
+    """Return what the lab's camera shows, noise-free, with its particles or dots at centres (P, 3) [mm]."""
+    particles = lab.particles
+    return picture(lab.camera, lab.imaging, centres, particles.diameter_mm, particles.dots is not None)
 
 
 def _record_cell(
@@ -334,7 +340,7 @@ def _record_press(bench: Bench, truth: Motion | PathMotion, images: Path, press:
     deeper_mm, rng = drawn_contact_point(lab, bench.session, press)
 
     def drawn(displacement: np.ndarray) -> np.ndarray:
-        return picture(lab.camera, lab.imaging, bench.particles + displacement, lab.particles.diameter_mm)
+        return _seen(lab, bench.particles + displacement)
 
     touched: Iterator[np.ndarray]
     if isinstance(truth, PathMotion):

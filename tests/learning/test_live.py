@@ -87,6 +87,9 @@ def test_a_reading_holds_totals_intervals_and_centre():
     np.testing.assert_allclose(
         reading.cop_mm, [20.0, 12.0]
     )  # bin 6 of 4 x 5: the third along x, the second along y
+    (contact,) = reading.contacts
+    np.testing.assert_allclose(contact.centre_mm, reading.cop_mm)
+    np.testing.assert_allclose(contact.force_N, reading.total_N)
     assert not reading.warnings
 
 
@@ -102,6 +105,7 @@ def test_an_untouched_frame_has_no_centre_and_exact_zeros():
     reading = force_of()(shot(STILL))
     assert not reading.touched
     assert reading.cop_mm is None
+    assert reading.contacts == ()
     assert not reading.force_N.any()
 
 

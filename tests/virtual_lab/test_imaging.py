@@ -181,3 +181,15 @@ def test_colours_come_together_and_grey_cameras_stay_as_written():
         VirtualImaging(**VirtualImaging(**COLOURED).model_dump(mode="json")).particle_rgb
         == COLOURED["particle_rgb"]
     )
+
+
+def test_printed_dots_have_one_grey_level_however_far_they_are():
+    centres = np.array([[8.0, 16.0, -5.0], [24.0, 16.0, -1.0]])
+    shaded, flat = (draw(CAMERA, PLAIN, centres, 1.0, flat=flat) for flat in (False, True))
+    (u, v), (far_u, far_v) = np.rint(project(CAMERA, centres)[0]).astype(int)
+    assert flat[v, u] == flat[far_v, far_u] == 200
+    assert shaded[far_v, far_u] < 140  # the farthest particle is 35 % less bright
+    rim = np.rint(project(CAMERA, centres[:1] + [0.35, 0, 0])[0][0]).astype(int)
+    assert flat[rim[1], rim[0]] == 200 and shaded[rim[1], rim[0]] < 180
+    apart = draw(CAMERA, PLAIN.model_copy(update={"defocus_px_per_mm": 0.01}), centres, 1.0, flat=True)
+    assert_allclose([apart[v, u], apart[far_v, far_u], apart[rim[1], rim[0]]], 200, atol=1)

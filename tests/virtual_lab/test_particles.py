@@ -122,3 +122,39 @@ def test_a_truth_cell_with_mixed_phases_is_refused():
     mixed = Cell(cell.arrays, cell.attributes | {"phases": ["unload", "load", "load"]})
     with pytest.raises(VirtualLabError, match="loading depths must increase"):
         true_motion(mixed, PlannedCell("c", 10.0, 10.0, tuple(DEPTHS)), np.array([[16.0, 16.0, -3.0]]), 32.0)
+
+
+def dots_of(serial: str, **keys) -> np.ndarray:
+    bare = [layer.model_copy(update={"particle_volume_fraction": 0.0}) for layer in SENSOR.layers]
+    dots = {"spacing_mm": 2.0, "depth_mm": 0.3} | keys
+    sensor = SENSOR.model_copy(update={"layers": bare, "width_y_mm": 41.0})
+    return place_particles(VirtualParticles(diameter_mm=0.6, dots=dots), sensor, serial)
+
+
+def test_dots_are_a_square_grid_on_a_plane_wholly_inside_the_sensor():
+    P = dots_of("a", rotation_deg=10.0)
+    assert_array_equal(P[:, 2], -0.3)
+    assert (P[:, :2] >= 0.3).all() and (P[:, :2] <= np.array([31.7, 40.7])).all()
+    distance, _ = cKDTree(P).query(P, k=5)
+    inner = (np.minimum(P[:, :2], [32, 41] - P[:, :2]) > 2.5).all(axis=1)
+    assert_allclose(distance[inner, 1:], 2.0, atol=1e-9)  # four neighbours each
+    # area over area of a dot's square; a strip of half a spacing along the border may hold one more or less
+    assert abs(len(P) - 31.4 * 40.4 / 4) < (31.4 + 40.4) / 2
+
+
+def test_dots_are_about_the_middle_and_shifted_and_turned_from_serial_to_serial():
+    straight = dots_of("a", offset_mm=0.0, rotation_deg=0.0)
+    assert_allclose(straight.mean(axis=0), [16, 20.5, -0.3], atol=1e-9)
+    assert_array_equal(dots_of("a"), dots_of("a"))
+    middle = straight[cKDTree(straight).query([16, 20.5, -0.3])[1]]
+    shifted = [dots_of(serial, rotation_deg=0.0) for serial in "abcdefgh"]
+    places = np.array([P[cKDTree(P).query(middle)[1], :2] for P in shifted])
+    assert 0.1 < places.std(axis=0).mean() < 0.4  # 0.2 as asked for, of eight draws
+    row = [P[np.argsort(np.hypot(*(P[:, :2] - [16, 20.5]).T))[:2]] for P in map(dots_of, "abcdefgh")]
+    turned = [np.degrees(np.arctan2(*(b - a)[1::-1])) % 90 for a, b in row]
+    assert 0 < np.ptp([(t + 45) % 90 for t in turned]) < 8  # 1 deg as asked for
+
+
+def test_dots_that_overlap_are_refused():
+    with pytest.raises(VirtualLabError, match="overlap"):
+        dots_of("a", spacing_mm=0.5)

@@ -1,4 +1,4 @@
-"""Arguments of the network's commands: train, adapt, evaluate; export, predict, live."""
+"""Arguments of the network's commands: model; train, adapt, evaluate; export, predict, live."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from gelforge.dataset.exports import NAMES
 
 
 def add_use(commands) -> None:
-    """Add the commands that use a model."""
+    """Add the commands that use a model, and the one that builds a shipped sensor's."""
+    _model(commands)
     _export(commands)
 
     predict = add_command(
@@ -79,6 +80,18 @@ def add_learning(commands) -> None:
     )
     check.add_argument("--model", type=Path, required=True, help="model.onnx as exported")
     check.add_argument("--out", type=Path, required=True, help="JSON to write")
+
+
+def _model(commands) -> None:
+    model = add_command(
+        commands,
+        "model",
+        "model.build.model",
+        "a model for a shipped sensor, trained on simulated images alone (SYNTHETIC)",
+    )
+    model.add_argument("--sensor", required=True, help="name of a shipped sensor, such as gelsight_mini")
+    model.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder to work in")
+    model.add_argument("--cores", type=int, default=2, help="processor cores to use")
 
 
 def _export(commands) -> None:

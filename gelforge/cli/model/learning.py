@@ -110,7 +110,7 @@ def known_truth(study: Study, path: Path):
     from gelforge.indentation.planning.plan import plan_cells
     from gelforge.learning.judging.true_motion import Truth
     from gelforge.recording.optics.camera import mm_per_px_at
-    from gelforge.virtual_lab.particles import gel_boxes
+    from gelforge.virtual_lab.particles import mean_height
     from gelforge.virtual_lab.session import session_cells
     from gelforge.virtual_lab.true_presses import true_presses
 
@@ -131,8 +131,7 @@ def known_truth(study: Study, path: Path):
             "(gelforge virtual-cell makes one)"
         )
         return None
-    heights = [(low[2] + high[2]) / 2 for low, high in gel_boxes(study.sensor)]
-    middle_mm = float(sum(heights) / len(heights))
+    middle_mm = mean_height(lab.particles, study.sensor)
     return Truth(partial(true_presses, study, lab, cells, folder), mm_per_px_at(lab.camera, middle_mm))
 
 

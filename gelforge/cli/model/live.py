@@ -43,7 +43,9 @@ def live(
     force = LiveForce(predictor, zero, crop, load_camera(camera) if camera else None, plane_z_mm)
     described = about(predictor.model.settings, predictor.model.model_sha256, source)
     if described["synthetic"]:
-        print("SYNTHETIC: this model was trained on images that a virtual lab made")
+        print(
+            f"SYNTHETIC: this model was trained on {described['trained_on'] or 'images that a virtual lab made'}"
+        )
     if zero is None:
         print("the first frame is taken as the reference: nothing must touch the sensor now")
     gc.collect()

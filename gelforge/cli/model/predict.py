@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 from contextlib import contextmanager
 from pathlib import Path
+
+import numpy as np
 
 from gelforge.config import load_camera
 from gelforge.progress import tracked
@@ -39,7 +42,11 @@ def predict(
     if zero is None:
         print("the first frame is taken as the reference: nothing must touch the sensor in it")
     marked, touched = [], 0
-    with distribution_table(out) as write:
+    settings = predictor.model.settings
+    if settings.get("trained_on"):
+        print(f"the model was trained on {settings['trained_on']}")
+    grid = settings["bins"]["nx"], settings["bins"]["ny"], np.array(settings["sensor_width_mm"])
+    with distribution_table(out, grid) as write:
         for prediction in tracked(predictions, f"frames of {source}", frames):
             timing.add(prediction)
             write(prediction)
@@ -59,16 +66,26 @@ def predict(
 
 
 @contextmanager
-def distribution_table(path: Path | None):
-    """Yield a function that writes a prediction as a row: name, time, total force, then every bin's force [N].
+def distribution_table(path: Path | None, grid: tuple):
+    """Yield a function that writes a prediction as a row: name, time, total force, contacts, then every bin's force [N].
 
     Rows are written as they come, so that a live run that is interrupted keeps what it has seen; without a path the
-    total force is printed instead. A time or a disagreement that is not known is left empty.
+    total force is printed instead, and each contact where there are several. Contacts are JSON. A time or a
+    disagreement that is not known is left empty. grid: bins nx, ny and widths [mm].
     """
+    from gelforge.learning.models.contacts import contacts
+
     if path is None:
-        yield lambda p: print(
-            f"{p.name}  F = " + "  ".join(f"{f:+.3f}" for f in p.force_N.sum(axis=0)) + " N"
-        )
+
+        def show(p) -> None:
+            print(f"{p.name}  F = {_newtons(p.force_N.sum(axis=0))}")
+            if len(found := contacts(p.force_N, *grid)) > 1:
+                for one in found:
+                    print(
+                        f"    at ({one.centre_mm[0]:.2f}, {one.centre_mm[1]:.2f}) mm  F = {_newtons(one.force_N)}"
+                    )
+
+        yield show
         return
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
@@ -76,13 +93,22 @@ def distribution_table(path: Path | None):
         def write(p) -> None:
             if file.tell() == 0:
                 bins = [f"f{axis}_{k}_N" for k in range(len(p.force_N)) for axis in "xyz"]
-                rows.writerow(["frame", "time_s", "disagreement", "fx_N", "fy_N", "fz_N", *bins])
-            values = [*p.force_N.sum(axis=0), *p.force_N.ravel()]
+                rows.writerow(["frame", "time_s", "disagreement", "fx_N", "fy_N", "fz_N", "contacts", *bins])
+            apart = [
+                {"force_N": one.force_N.round(6).tolist(), "cop_mm": one.centre_mm.round(3).tolist()}
+                for one in contacts(p.force_N, *grid)
+            ]
+            total = [f"{value:.6g}" for value in p.force_N.sum(axis=0)]
             seconds = f"{p.time_s:.6f}" if math.isfinite(p.time_s) else ""
             disagreement = f"{p.disagreement:.3g}" if math.isfinite(p.disagreement) else ""
-            rows.writerow([p.name, seconds, disagreement, *(f"{value:.6g}" for value in values)])
+            bins = [f"{value:.6g}" for value in p.force_N.ravel()]
+            rows.writerow([p.name, seconds, disagreement, *total, json.dumps(apart), *bins])
 
         yield write
+
+
+def _newtons(force: np.ndarray) -> str:
+    return "  ".join(f"{value:+.3f}" for value in force) + " N"
 
 
 def print_timing(timing) -> None:

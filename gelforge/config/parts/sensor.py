@@ -132,6 +132,11 @@ class Sensor(Section):
     def height_mm(self) -> float:
         return sum(layer.thickness_mm for layer in self.layers)
 
+    @property
+    def imaged_layers(self) -> list[Layer]:
+        """The layers whose motion the camera sees: those with particles; where none has any, all."""
+        return [layer for layer in self.layers if layer.particle_volume_fraction > 0] or self.layers
+
 
 class IndenterPart(Section):
     """One rigid shape: a ball about its middle, a cylinder or box on its lower face, or the inside of a closed surface."""

@@ -7,17 +7,39 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_serializer, model_validator
 
 from gelforge.config.basis.common import Fraction, Name, NonNegative, Positive, Section, renamed
-from gelforge.config.parts.camera import Camera
+from gelforge.config.parts.camera import Camera, without_null
 from gelforge.config.parts.mechanics import Mechanics, Mesh
 from gelforge.config.sessions.session import StageToSensor
 from gelforge.mechanics.laws.models.ogden import OgdenParameters
 
 
-class VirtualParticles(Section):
-    """Tracer particles in the gel."""
+class PrintedDots(Section):
+    """A square grid of dots on one plane in the gel, as printed under a coating, about the sensor's middle.
 
-    diameter_mm: float = Field(0.3, ge=0.15, le=0.6, description="particle diameter [mm]")
-    volume_fraction: float = Field(0.0196, gt=0, le=0.1, description="share of the gel's volume [-]")
+    Each serial has its own shift and turn of the grid.
+    """
+
+    spacing_mm: Positive = Field(description="distance of neighbouring dots [mm]")
+    depth_mm: NonNegative = Field(0.0, description="depth of the plane below the top surface [mm]")
+    offset_mm: NonNegative = Field(
+        0.2, description="shift of the grid, standard deviation of each of x and y [mm]"
+    )
+    rotation_deg: NonNegative = Field(1.0, description="turn of the grid about z, standard deviation [deg]")
+
+
+class VirtualParticles(Section):
+    """What the camera sees move: tracer particles in the gel, or printed dots."""
+
+    diameter_mm: float = Field(0.3, ge=0.15, le=0.6, description="diameter of a particle or dot [mm]")
+    volume_fraction: float = Field(
+        0.0196, gt=0, le=0.1, description="share of the gel's volume; without meaning for dots [-]"
+    )
+    dots: PrintedDots | None = Field(None, description="printed dots in place of particles; null: particles")
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; dots only where there are some, so that digests of labs with particles stay."""
+        return without_null(write(self), ("dots",))
 
 
 Colour = Annotated[list[Annotated[float, Field(ge=0, le=255)]], Field(min_length=3, max_length=3)]

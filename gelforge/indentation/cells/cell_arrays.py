@@ -74,13 +74,13 @@ def section_arrays(mesh: Mesh, states: list[State], y_mm: float) -> dict[str, np
 
 
 def gel_elements(mesh: Mesh, sensor: Sensor) -> np.ndarray:
-    """Return the elements (E, 8) or (E, 10) of the layers that carry particles."""
-    layers = [layer.name for layer in sensor.layers if layer.particle_volume_fraction > 0]
+    """Return the elements (E, 8) or (E, 10) of the layers that the camera sees move."""
+    layers = [layer.name for layer in sensor.imaged_layers]
     return mesh.elements[np.isin(mesh.region, [mesh.regions.index(name) for name in layers])]
 
 
 def gel_arrays(mesh: Mesh, states: list[State], sensor: Sensor) -> dict[str, np.ndarray]:
-    """Return mesh and displacement of the layers that carry particles."""
+    """Return mesh and displacement of the layers that the camera sees move."""
     nodes, elements = np.unique(gel_elements(mesh, sensor), return_inverse=True)
     corners = mesh.elements.shape[1]
     return {

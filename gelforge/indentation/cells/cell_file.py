@@ -72,7 +72,7 @@ DATASETS = {
     "section_displacement_mm": ("mm", "displacement of section_node_mm (D, P, 3)"),
     "gel_node_mm": (
         "mm",
-        "undeformed nodes of the particle-carrying layers, z = 0 at the top surface (G, 3)",
+        "undeformed nodes of the layers with particles, of all where none has any; z = 0 at the top (G, 3)",
     ),
     "gel_hex": ("1", "8 corners of each element as rows of gel_node_mm (E, 8)"),
     "gel_tet": (

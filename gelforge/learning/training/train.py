@@ -38,6 +38,7 @@ from gelforge.learning.models.reliability import Labels, Zero, find_intervals, f
 from gelforge.learning.models.views import check_scale
 from gelforge.learning.networks import make_network, network_of
 from gelforge.progress import Progress, tracked
+from gelforge.synthesis import SESSION
 
 USUAL_THREADS = {"paper": 2}
 CHECKPOINT_FORMAT = "gelforge-checkpoint-3"
@@ -48,6 +49,7 @@ LIGHT = 0.1  # mean square, over that of all rows, below which a contact counts 
 ROWS_SET_ASIDE = 4000  # at most, for thresholds and intervals
 ROWS_OF_CHECK = 1500  # of training, and of validation: places near walls are in few orbits
 SIGMAS = ("force_sigma_N", "total_force_fem_sigma_N")
+SIMULATED_ALONE = "simulated images alone; its errors on real ones are not known"
 
 
 @dataclass(frozen=True)
@@ -337,6 +339,7 @@ def model_settings(study: Study, shards: Sequence[str | Path]) -> dict:
     check_scale(study.features.image_scale, views)
     return {
         **dump,
+        "trained_on": _trained_on(sessions),
         "learning": study.learning.usual.model_dump(mode="json", exclude={"onnx"}),
         "bins": study.sensor.bins.model_dump(mode="json"),
         "sensor_width_mm": [study.sensor.width_x_mm, study.sensor.width_y_mm],
@@ -344,6 +347,16 @@ def model_settings(study: Study, shards: Sequence[str | Path]) -> dict:
         "views": views,
         "shards_digest": shards_digest(shards),
     }
+
+
+def _trained_on(sessions: dict[str, dict]) -> str:
+    """Return in words which images a model learns from, by what its shards say of their sessions."""
+    if set(sessions) == {SESSION}:
+        return SIMULATED_ALONE
+    recorded = [about for name, about in sessions.items() if name != SESSION]
+    made = any(about.get("synthetic") for about in recorded)
+    simulated = " and simulated ones" if SESSION in sessions else ""
+    return ("images that a virtual lab made" if made else "recorded images") + simulated
 
 
 def _save_checkpoint(path: Path, settings: dict, network, adam, losses: list[tuple]) -> None:
