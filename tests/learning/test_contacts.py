@@ -75,7 +75,7 @@ def test_what_pulls_is_no_contact_and_an_untouched_sensor_has_none():
 
 def test_the_table_of_predictions_holds_the_contacts(tmp_path, capsys):
     left, right = (5.0, 7.5), (19.0, 19.5)
-    prediction = SimpleNamespace(name="a", time_s=0.0, unlike=0.5, force_N=pressed(left, right))
+    prediction = SimpleNamespace(name="a", time_s=0.0, disagreement=0.5, force_N=pressed(left, right))
     with distribution_table(tmp_path / "p.csv", (NX, NY, WIDTH)) as write:
         write(prediction)
     (row,) = csv.DictReader((tmp_path / "p.csv").open())

@@ -29,10 +29,13 @@ def inverse_of(study: Study, laws: dict[str, PrincipalLaw], views: dict[str, dic
             f"materials {', '.join(missing)} have no constitutive model; run the study's material fits"
         )
     particle = study.synthesis.particles.diameter_mm if study.synthesis else PARTICLE_MM
+    dots = study.synthesis.particles.dots if study.synthesis else None
+    if not dots and not any(layer.particle_volume_fraction for layer in study.sensor.layers):
+        raise NoOperator("no layer has particle_volume_fraction, and synthesis.particles has no dots")
     by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
     try:
         operator = flow_operator(
-            study.sensor, study.mechanics, by_layer, camera, study.features.regions, crop_px, particle
+            study.sensor, study.mechanics, by_layer, camera, study.features.regions, crop_px, particle, dots
         )
     except VirtualLabError as error:
         raise NoOperator(str(error)) from None

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from gelforge.config import Camera, Mechanics, Mesh, Sensor
+from gelforge.config import Camera, Mechanics, Mesh, PrintedDots, Sensor
 from gelforge.indentation.cells.binning import surface_shares
 from gelforge.indentation.effects.fields import element_stiffness
 from gelforge.indentation.effects.material import region_bulk, region_laws
@@ -22,7 +22,7 @@ from gelforge.mechanics.linear.sparse import direct_solver
 from gelforge.mechanics.meshes.elements import lumped_area
 from gelforge.mechanics.meshes.mesh import Mesh as HexMesh
 from gelforge.recording.optics.camera import project, unproject
-from gelforge.virtual_lab.particles import gel_boxes, interpolation
+from gelforge.virtual_lab.particles import dots_box, gel_boxes, interpolation
 
 PARTS = 2  # of a region's side: the places in it that are followed
 SLAB_MM = 0.7  # thickness of gel whose particles are followed at one height
@@ -41,16 +41,18 @@ def flow_operator(
     regions: int,
     crop_px: list[int] | None = None,
     particle_mm: float = 0.3,
+    dots: PrintedDots | None = None,
 ) -> np.ndarray:
     """Return the flow (2, r^2, B, 3) [px/N] of image regions, row by row, for unit forces along x, y, z on each bin.
 
     laws: by layer. Every force is an even traction over its bin of the undeformed top. A region's flow is the mean over
     its area and over the heights of the particles, each seen through those below it (Lambert-Beer: a share
     1.5 phi / d of the view is covered per mm). Bins are solved up to the symmetry of sensor and mesh. Regions that
-    show no gel have no flow. Raises VirtualLabError for a sensor without particles.
+    show no gel have no flow. dots: what is printed on one plane in place of particles. Raises VirtualLabError for dots
+    that lie in no layer.
     """
     mesh = _even_mesh(sensor, mechanics)
-    seen = seen_flow(mesh, sensor, camera, regions, crop_px, particle_mm)
+    seen = seen_flow(mesh, sensor, camera, regions, crop_px, particle_mm, dots)
     load = bin_loads(mesh, sensor)
     maps = symmetries(mesh, sensor, mechanics)
     nx, ny = sensor.bins.nx, sensor.bins.ny
@@ -160,6 +162,7 @@ def seen_flow(
     regions: int,
     crop_px: list[int] | None,
     particle_mm: float,
+    dots: PrintedDots | None = None,
 ) -> sp.csr_matrix:
     """Return the operator (2 r^2, 3 N) [px/mm] from nodal displacements, x of all nodes first, to the flow of regions."""
     left, top, wide, high = crop_px or (0, 0, camera.width_px, camera.height_px)
@@ -169,7 +172,7 @@ def seen_flow(
     region = (np.arange(len(u))[:, None] // PARTS * regions + np.arange(len(u)) // PARTS).ravel()
     count, nodes = regions**2, len(mesh.X)
     total, sum_of = np.zeros(count), sp.csr_matrix((2 * count, 3 * nodes))
-    for layer, z, weight in _heights(sensor, particle_mm):
+    for layer, z, weight in _heights(sensor, particle_mm, dots):
         low, high_corner = layer[1]
         points = unproject(camera, pixels, z)
         inside = ((points > low + INSIDE_MM) & (points < high_corner - INSIDE_MM)).all(axis=1)
@@ -190,8 +193,21 @@ def seen_flow(
     return (sp.diags(np.tile(mean, 2)) @ sum_of).tocsr()
 
 
-def _heights(sensor: Sensor, particle_mm: float) -> list[tuple[tuple, float, float]]:
-    """Return layer, mean height of what is seen [mm] and visible share of slabs with particles, from the camera up."""
+def _heights(
+    sensor: Sensor, particle_mm: float, dots: PrintedDots | None
+) -> list[tuple[tuple, float, float]]:
+    """Return layer, mean height of what is seen [mm] and visible share of slabs with particles, from the camera up.
+
+    Printed dots are all on one plane.
+    """
+    if dots:
+        box = dots_box(dots, sensor)
+        named = next(
+            layer.name
+            for layer, own in zip(sensor.imaged_layers, gel_boxes(sensor))
+            if own[0][2] == box[0][2]
+        )
+        return [((named, box), -dots.depth_mm, 1.0)]
     layers = [layer for layer in sensor.layers if layer.particle_volume_fraction > 0]
     found, covered = [], 0.0
     for layer, box in zip(layers, gel_boxes(sensor)):
