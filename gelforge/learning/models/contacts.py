@@ -63,6 +63,6 @@ def _parts(pressing: np.ndarray, region: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _connected(bins: np.ndarray) -> tuple[int, np.ndarray]:
-    """Return how many connected regions bins (ny, nx) form, 0 elsewhere counted, and their numbers (ny, nx); corners touch."""
+    """Return how many connected regions bins (ny, nx) form, counting 0, and their numbers (ny, nx); corners touch."""
     numbers, count = label(bins, structure=np.ones((3, 3)))
     return count + 1, numbers
