@@ -100,13 +100,13 @@ def sideways(study: Study, laws: dict, source: Presses, count: int, particles: n
 
 def cost(study: Study, source: Presses) -> str:
     """Return the CPU seconds of drawn rows, in words."""
-    rng, presses, begin = np.random.default_rng(SEED), [], time.process_time()
-    presses = [source.draw(rng) for _ in range(96)]
+    rng, begin = np.random.default_rng(SEED), time.process_time()
+    presses = [source.draw(rng) for _ in range(400)]
     drawn = time.process_time()
-    for part in range(6):
+    for part in range(25):
         list(series_features(study, presses[16 * part : 16 * part + 16], f"cost {part}", rng))
     done = time.process_time()
-    press, images = (drawn - begin) / 96, (done - drawn) / 96
+    press, images = (drawn - begin) / 400, (done - drawn) / 400
     return f"a row {press + images:.3f} CPU s: press {press:.3f}, image and flow {images:.3f}"
 
 

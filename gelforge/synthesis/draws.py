@@ -81,7 +81,7 @@ def site_places(study: Study) -> np.ndarray:
 def _site(study: Study, place: np.ndarray, number: int) -> Solution:
     deepest = given(study.synthesis, "synthesis").depth_mm[1]
     depths = tuple(round(share * deepest, 6) for share in SITE_DEPTHS)
-    planned = PlannedCell(f"site{number:05d}", *map(float, place), depths)
+    planned = PlannedCell(f"site{number:05d}", float(place[0]), float(place[1]), depths)
     solved = _with(study, study.indenter)
     check_inside({planned.name: planned}, solved)
     return Solution("site", planned, solved)

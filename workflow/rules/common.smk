@@ -175,7 +175,9 @@ SYNTHETIC = (  # files of training rows
     [f"{RESULTS}/synthetic/{i:05d}.h5" for i in range(shard_count(STUDY))] if STUDY.synthesis else []
 )
 SOLVED_PRESSES = (  # from which these rows are drawn
-    [f"{RESULTS}/synthetic/solved/{i:05d}.h5" for i in range(solution_count(STUDY))] if STUDY.synthesis else []
+    [f"{RESULTS}/synthetic/solved/{i:05d}.h5" for i in range(solution_count(STUDY))]
+    if STUDY.synthesis
+    else []
 )
 ONLY_SIMULATED = bool(STUDY.synthesis) and STUDY.synthesis.train_on == "simulated"
 # of all sites: one that is added to the plan may move others between training and test
@@ -277,7 +279,17 @@ def mirrored_session_cell(wildcards):
 
 def solved_settings(_):
     """Return the digest of what decides a solved press of the simulated training set; how many there are is not among it."""
-    of_rows = {"rows", "rows_per_shard", "patterns", "particles", "camera", "imaging", "views", "classes", "train_on"}
+    of_rows = {
+        "rows",
+        "rows_per_shard",
+        "patterns",
+        "particles",
+        "camera",
+        "imaging",
+        "views",
+        "classes",
+        "train_on",
+    }
     drawn = STUDY.synthesis.model_dump(mode="json", exclude={"paths", *of_rows})
     return digest([drawn, STUDY.plan.approach, block("sensor", "indenter", "mechanics")])
 

@@ -45,7 +45,14 @@ if SYNTHETIC:
         params:
             drawn=drawn_settings,
             source=source_digest(
-                *("recording", "virtual_lab", "synthesis", "interpolation", "dataset/shard.py", "dataset/schema.py")
+                *(
+                    "recording",
+                    "virtual_lab",
+                    "synthesis",
+                    "interpolation",
+                    "dataset/shard.py",
+                    "dataset/schema.py",
+                )
             ),
         shell:
             "{ONE_THREAD:q} {GELFORGE:q} synthesise --study {STUDY_FILE:q} --number {wildcards.number:q}"

@@ -105,13 +105,15 @@ def predictions(results: StudyResults) -> Chapter:
 
 def _say_how_good(chapter: Chapter, results: StudyResults) -> None:
     """Say in a paragraph and a figure how good the network is, where its tables are there."""
-    tables = [results.table(name) for name in ("baselines", "errors_by", "reliability", "rmse")]
-    if any(table is None for table in tables):
+    baselines, by, reliability, errors = (
+        results.table(name) for name in ("baselines", "errors_by", "reliability", "rmse")
+    )
+    if baselines is None or by is None or reliability is None or errors is None:
         return
-    baselines, by, *_ = tables
     steady = results.loss if results.study.learning.network == "paper" else None
     has_budget = results.table("error_budget") is not None
-    chapter.say(network_words(*tables, steady, _only_simulated(results), has_budget))
+    only_simulated = _only_simulated(results)
+    chapter.say(network_words(baselines, by, reliability, errors, steady, only_simulated, has_budget))
     chapter.show(
         "RMSES on held-out sites, the rms error over the bins whose label is not zero, of the vertical force: the network"
         " and its baselines, and the network by depth, distance from the nearest wall and session.",
