@@ -30,7 +30,7 @@ def contacts(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> list[
     another; bins between go to the nearest. It counts where its sum presses.
     """
     field = force.reshape(ny, nx, 3)
-    _, regions = _connected(field.any(axis=-1))
+    _, regions = _connected((field != 0).any(axis=-1))
     found = []
     for number, box in enumerate(find_objects(regions), 1):
         pressing = np.maximum(-field[box][..., 2], 0)
