@@ -9,7 +9,7 @@ import torch
 from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.config import Learning, study_from
-from gelforge.dataset.shard import ShardDataset
+from gelforge.dataset.shard import ShardDataset, writing_shard
 from gelforge.learning.basis.data import (
     Batches,
     TactileRows,
@@ -21,7 +21,7 @@ from gelforge.learning.basis.data import (
 from gelforge.learning.basis.scaling import ModelError, Scaling
 from gelforge.learning.models.model_file import load_model, load_tensors, save_tensors
 from gelforge.learning.networks.paper import paper_network
-from gelforge.learning.training.train import CHECKPOINT_FORMAT, Run, mean_loss, plan_of, train
+from gelforge.learning.training.train import CHECKPOINT_FORMAT, Run, mean_loss, model_settings, plan_of, train
 
 QUIET = Run(threads=1, checkpoint_every=3)
 SMALL = {
@@ -180,8 +180,6 @@ def test_the_loss_falls(study, shards, tmp_path):
 
 
 def test_labels_only_cannot_train(study, tmp_path):
-    from gelforge.dataset.shard import writing_shard
-
     path = tmp_path / "shard.h5"
     with writing_shard(path, {"synthetic": False}, True, 32, 25):
         pass
@@ -342,3 +340,20 @@ def test_training_leaves_denormal_numbers_as_they_were(study, shards, tmp_path):
     train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
     assert np.finfo(float).tiny / 2 > 0
     assert np.array([np.finfo(float).tiny]) / np.array([2.0]) > 0
+
+
+@pytest.mark.parametrize(
+    ("sessions", "words"),
+    [
+        ({"simulated": True}, "simulated images alone; its errors on real ones are not known"),
+        ({"simulated": True, "day1": False}, "recorded images and simulated ones"),
+        ({"day1": True, "day2": True}, "images that a virtual lab made"),
+        ({"day1": False}, "recorded images"),
+    ],
+)
+def test_a_model_says_which_images_it_learnt_from(tmp_path, sessions, words):
+    """sessions: whether each is synthetic."""
+    attributes = {name: {"synthetic": synthetic, "view": {}} for name, synthetic in sessions.items()}
+    with writing_shard(tmp_path / "0.h5", {"synthetic": True, "sessions": attributes}, False, 2, 1):
+        pass
+    assert model_settings(study_of(), [tmp_path / "0.h5"])["trained_on"] == words
