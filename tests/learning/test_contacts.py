@@ -1,4 +1,4 @@
-"""Contacts of a force distribution: a valley divides two that touch, each has its own total and centre."""
+"""Contacts of a force distribution: two apart are two, a valley divides two that touch; total and centre of each."""
 
 import csv
 import json

@@ -9,7 +9,7 @@ import torch
 from artificial_shards import small_rows, study_of, write_shards
 
 from gelforge.config import Learning, study_from
-from gelforge.dataset.shard import ShardDataset
+from gelforge.dataset.shard import ShardDataset, writing_shard
 from gelforge.learning.basis.data import (
     Batches,
     TactileRows,
@@ -31,6 +31,7 @@ from gelforge.learning.training.train import (
     Run,
     mean_error,
     mean_loss,
+    model_settings,
     plan_of,
     train,
 )
@@ -227,8 +228,6 @@ def test_the_loss_falls(study, shards, tmp_path):
 
 
 def test_labels_only_cannot_train(study, tmp_path):
-    from gelforge.dataset.shard import writing_shard
-
     path = tmp_path / "shard.h5"
     with writing_shard(path, {"synthetic": False}, True, 32, 25):
         pass
@@ -418,3 +417,20 @@ def test_relative_errors_count_light_contacts_beside_deep_ones():
     assert plain[0] == pytest.approx(25 * plain[1], rel=1e-5)
     assert relative[0] == pytest.approx(0.01 * 100 / (100 + LIGHT), rel=1e-5)
     assert relative[1] == pytest.approx(0.01 * 4 / (4 + LIGHT), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("sessions", "words"),
+    [
+        ({"simulated": True}, "simulated images alone; its errors on real ones are not known"),
+        ({"simulated": True, "day1": False}, "recorded images and simulated ones"),
+        ({"day1": True, "day2": True}, "images that a virtual lab made"),
+        ({"day1": False}, "recorded images"),
+    ],
+)
+def test_a_model_says_which_images_it_learnt_from(tmp_path, sessions, words):
+    """sessions: whether each is synthetic."""
+    attributes = {name: {"synthetic": synthetic, "view": {}} for name, synthetic in sessions.items()}
+    with writing_shard(tmp_path / "0.h5", {"synthetic": True, "sessions": attributes}, False, 2, 1):
+        pass
+    assert model_settings(study_of(), [tmp_path / "0.h5"])["trained_on"] == words
