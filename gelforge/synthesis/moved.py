@@ -52,6 +52,8 @@ class MovedPresses:
         kept = [k for k, cell in enumerate(cells) if len(cell.arrays["depth_mm"])]
         self.cells, self.own = [cells[k] for k in kept], [own[k] for k in kept]
         self._forces = [NodalForces.of(cell) for cell in self.cells]
+        # a turned edge must not reach over a side
+        self._reach = [np.linalg.norm(forces.offset_mm, axis=1).max(initial=0.0) for forces in self._forces]
         self._width = np.array([self.sensor.width_x_mm, self.sensor.width_y_mm])
         self.free_mm = FREE_HEIGHTS * self.sensor.height_mm
         self._round = study.indenter.is_upright_and_round
@@ -64,13 +66,13 @@ class MovedPresses:
         number = int(rng.integers(len(self.cells)))
         step = int(rng.integers(len(self.cells[number].arrays["depth_mm"])))
         turns = not self.own[number] or self._round  # an indenter that is turned is another one
-        source = self._source(number)
-        if self._is_free(source):
+        source, margin = self._source(number), max(self.free_mm, self._reach[number])
+        if (np.minimum(source, self._width - source) >= margin).all():
             angle = float(rng.uniform(0, 2 * np.pi)) if turns else 0.0
-            return self.turned(number, step, rng.uniform(self.free_mm, self._width - self.free_mm), angle)
+            return self.turned(number, step, rng.uniform(margin, self._width - margin), angle)
         symmetry = str(rng.choice(list(D4))) if self._symmetric and turns else "identity"
         image = transform_points(symmetry, source, self._width[0])
-        place = np.array([self._moved_along(c, w, rng) for c, w in zip(image, self._width)])
+        place = np.array([_moved_along(c, w, margin, rng) for c, w in zip(image, self._width)])
         return self.mirrored(number, step, place, symmetry)
 
     def turned(self, number: int, step: int, place: np.ndarray, angle: float) -> DrawnPress:
@@ -129,12 +131,10 @@ class MovedPresses:
     def _source(self, number: int) -> np.ndarray:
         return np.array([self.cells[number].attributes["x_mm"], self.cells[number].attributes["y_mm"]])
 
-    def _is_free(self, place: np.ndarray) -> bool:
-        return bool((np.minimum(place, self._width - place) >= self.free_mm).all())
 
-    def _moved_along(self, at: float, width: float, rng: np.random.Generator) -> float:
-        """Return a coordinate for one of a solved press: anywhere far from sides, else about as near to its side."""
-        side = min(at, width - at)
-        if side >= self.free_mm:
-            return float(rng.uniform(self.free_mm, width - self.free_mm))
-        return at + float(rng.uniform(-1, 1)) * KEPT_SHARE * side
+def _moved_along(at: float, width: float, margin: float, rng: np.random.Generator) -> float:
+    """Return a coordinate for one of a solved press: anywhere far from sides, else about as near to its side."""
+    side = min(at, width - at)
+    if side >= margin:
+        return float(rng.uniform(margin, width - margin))
+    return at + float(rng.uniform(-1, 1)) * KEPT_SHARE * side

@@ -196,6 +196,20 @@ def test_a_press_near_a_wall_keeps_its_distance_from_it(solved):
     assert len(np.unique(np.round(drawn, 1), axis=0)) > 20  # along all four walls
 
 
+def test_a_wide_contact_that_is_turned_stays_on_the_sensor(solved):
+    """Its nodes reach 12 mm from the middle, farther than walls are felt."""
+    cell = solved[9]  # in the middle
+    away = cell.arrays["node_xy_mm"] - place_of(cell)
+    loaded = (cell.arrays["node_normal_N"] != 0).any(axis=(0, 2))
+    wide = place_of(cell) + away * 12 / np.linalg.norm(away[loaded], axis=1).max()
+    moved = MovedPresses(STUDY, [Cell(cell.arrays | {"node_xy_mm": wide}, cell.attributes)], [False])
+    for seed in range(30):
+        press = moved.draw(np.random.default_rng(seed))
+        at = press.place + press.forces.offset_mm
+        assert (at > -1e-9).all() and (at < 32 + 1e-9).all()
+        assert np.abs(press.place - 16).max() <= 4 + 1e-9
+
+
 def test_layers_with_particles_must_form_one_box():
     layers = STUDY.sensor.layers
     apart = [
