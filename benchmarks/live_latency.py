@@ -61,6 +61,7 @@ def untrained(scale: float, preset: str) -> OnnxModel:
     scales = np.ones(2, np.float32), np.ones(3, np.float32)
     scaling = Scaling("vector", "mirror_y", np.zeros(2 * REGIONS**2, np.float32), scales[0], zeros, scales[1])
     settings = {
+        "learning": learning.model_dump(mode="json"),
         "bins": {"nx": BINS, "ny": BINS},
         "features": {"regions": REGIONS, "flow_preset": preset, "moved_px": 0.05, "image_scale": scale},
         "sensor_width_mm": [32.0, 32.0],

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, find_objects, label
+from scipy.ndimage import distance_transform_edt, find_objects, label, maximum_filter
 
 # Two contacts are apart where bins between them press with less than this share of the weaker one's largest bin. Flat
 # punches and edges press more at their rims than in their middle, in bins of 1.6 mm at most 2.5 times as much.
@@ -45,6 +45,10 @@ def contacts(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> list[
 
 def _parts(pressing: np.ndarray, region: np.ndarray) -> Iterator[np.ndarray]:
     """Yield the parts (ny, nx) into which a region (ny, nx) of bins falls."""
+    # every piece above a level has a local maximum of its own, so one maximum is one contact
+    if np.count_nonzero(region & (pressing == maximum_filter(pressing, 3))) == 1:
+        yield region
+        return
     largest = pressing[region].max()
     for level in largest * LEVELS:
         count, pieces = _connected(region & (pressing > level))
