@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gelforge.config import Sensor
+from gelforge.config import Indenter, Sensor
 from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.indentation.sensor.symmetry import D4
+from gelforge.mechanics.indenters.shapes import Sphere
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,17 @@ class NodalForces:
         shape = (along_y.shape[1], along_x.shape[1], len(force), 6)
         found[:, rows, columns] = np.moveaxis(values.reshape(shape), 2, 0)
         return found
+
+
+def ball_of(indenter: Indenter) -> Sphere | None:
+    """Return an indenter's ball; None for any other shape."""
+    shape = shape_of(indenter)
+    return shape if isinstance(shape, Sphere) else None
+
+
+def contact_width(ball: Sphere | None, depth: float) -> float:
+    """Return how wide the contact is at a depth, in any unit: a ball's grows, of other shapes nothing is known."""
+    return float(ball.section(depth)[0, 2]) if ball else 1.0
 
 
 def _shares(at: np.ndarray, half: np.ndarray, width: float, n: int) -> tuple[slice, np.ndarray]:

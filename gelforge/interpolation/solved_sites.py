@@ -18,9 +18,8 @@ from scipy.ndimage import gaussian_filter
 from gelforge.config import Indenter, Sensor
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.planning.lattice import LAST, Index, Lattice, name_of
-from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.indentation.sensor.symmetry import transform_bins, transform_vectors
-from gelforge.interpolation.nodal_forces import NodalForces, moved_map
+from gelforge.interpolation.nodal_forces import NodalForces, ball_of, contact_width, moved_map
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 from gelforge.mechanics.indenters.shapes import Sphere
 
@@ -194,7 +193,7 @@ class SolvedSites:
                     position,
                     self.sensor,
                     [number],
-                    self.contact_width(depth) / self.contact_width(known[number]),
+                    contact_width(self._ball, depth) / contact_width(self._ball, known[number]),
                 )[0]
                 for number, weight in zip(numbers, weights)
             ]
@@ -203,12 +202,7 @@ class SolvedSites:
 
     @cached_property
     def _ball(self) -> Sphere | None:
-        shape = shape_of(self.indenter)
-        return shape if isinstance(shape, Sphere) else None
-
-    def contact_width(self, depth: float) -> float:
-        """Return how wide the contact is at a depth, in any unit: a ball's grows, of other shapes nothing is known."""
-        return float(self._ball.section(depth)[0, 2]) if self._ball else 1.0
+        return ball_of(self.indenter)
 
     # ------------------------------------------------------------------------------------------ error bars
     def _left_out(self, at: Index) -> dict[str, np.ndarray]:

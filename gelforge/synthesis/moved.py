@@ -15,7 +15,7 @@ import numpy as np
 
 from gelforge.config import Study, given
 from gelforge.indentation.cells.cell_file import Cell
-from gelforge.indentation.sensor.symmetry import D4, transform_points
+from gelforge.indentation.sensor.symmetry import D4, inverse, transform_points
 from gelforge.interpolation.nodal_forces import NodalForces
 from gelforge.synthesis.drawn_press import DrawnPress, merged
 from gelforge.synthesis.frame import MovingFrame, displaced
@@ -89,11 +89,11 @@ class MovedPresses:
 
     def mirrored(self, number: int, step: int, place: np.ndarray, symmetry: str) -> DrawnPress:
         """Return a step of a path carried by a symmetry, at a place (2,) [mm] near its image's."""
-        inverse = next(name for name in D4 if (D4[name] == D4[symmetry].T).all())
-        at = transform_points(inverse, place, self._width[0])
+        back = inverse(symmetry)
+        at = transform_points(back, place, self._width[0])
 
         def at_source(particles: np.ndarray) -> np.ndarray:
-            return self.frame.index(transform_points(inverse, particles, self._width[0]), at)
+            return self.frame.index(transform_points(back, particles, self._width[0]), at)
 
         return self._press(number, step, place, D4[symmetry].astype(float), at_source)
 

@@ -9,11 +9,9 @@ import numpy as np
 
 from gelforge.config import Study, given
 from gelforge.indentation.cells.cell_file import Cell
-from gelforge.indentation.sensor.indenter_shapes import shape_of
-from gelforge.indentation.sensor.symmetry import D4, transform_points
-from gelforge.interpolation.nodal_forces import NodalForces
+from gelforge.indentation.sensor.symmetry import D4, inverse, transform_points
+from gelforge.interpolation.nodal_forces import NodalForces, ball_of, contact_width
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights
-from gelforge.mechanics.indenters.shapes import Sphere
 from gelforge.synthesis.drawn_press import DrawnPress, merged
 from gelforge.synthesis.frame import MovingFrame, displaced, turned_field
 
@@ -40,8 +38,7 @@ class StraightPresses:
         self.sensor = study.sensor
         self.frame = MovingFrame(study.sensor, given(study.synthesis, "synthesis").particles)
         self.depths = np.concatenate([[0.0], cells[0].arrays["depth_mm"]])
-        shape = shape_of(study.indenter)
-        self._ball = shape if isinstance(shape, Sphere) else None
+        self._ball = ball_of(study.indenter)
         self._fields = [self.frame.field(cell) for cell in cells]
         self._forces = [NodalForces.of(cell) for cell in cells]
         self.symmetric = study.has_symmetry_of_square
@@ -119,7 +116,7 @@ class StraightPresses:
         pairs = [(int(k), float(w)) for k, w in zip(chosen, weights) if abs(w) > SMALL]
         numbers, along = depth_weights(self.depths, min(depth, self.depths[-1]))
         loaded = [(n, float(w)) for n, w in zip(numbers, along) if n > 0]  # nothing moves at depth zero
-        back = next(name for name in D4 if (D4[name] == D4[turn].T).all())
+        back = inverse(turn)
         return self._nodes(depth, pairs, loaded).mirrored(back), turned_field(
             back, self._field(pairs, loaded)
         )
@@ -145,7 +142,7 @@ class StraightPresses:
         """Return the nodal forces of every site and depth, weighted."""
         parts = []
         for number, along in loaded:
-            scale = self._contact_width(depth) / self._contact_width(self.depths[number])
+            scale = contact_width(self._ball, depth) / contact_width(self._ball, self.depths[number])
             for k, weight in pairs:
                 nodes = self._mirrored[k]
                 force = nodes.force_N[number - 1 : number]
@@ -153,6 +150,3 @@ class StraightPresses:
                     (weight * along, NodalForces(scale * nodes.offset_mm, scale * nodes.half_mm, force))
                 )
         return merged(parts)
-
-    def _contact_width(self, depth: float) -> float:
-        return float(self._ball.section(depth)[0, 2]) if self._ball else 1.0

@@ -12,10 +12,9 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.lattice import lattice_digest, name_of
 from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points
 from gelforge.indentation.solving.mirror import mirror_cell
-from gelforge.interpolation import levels
+from gelforge.interpolation import levels, solved_sites
 from gelforge.interpolation.labels import Labels
 from gelforge.interpolation.nodal_forces import NodalForces
-from gelforge.interpolation.solved_sites import SolvedSites
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 from gelforge.report.figures.simulation.label_figure import read_label
 
@@ -106,7 +105,7 @@ def test_between_depths_the_contact_grows_as_a_ball_s(depth, monkeypatch):
         return np.abs(found - true).max() / np.abs(true).max()
 
     growing = worst()
-    monkeypatch.setattr(SolvedSites, "contact_width", lambda self, depth: 1.0)
+    monkeypatch.setattr(solved_sites, "contact_width", lambda ball, depth: 1.0)
     assert growing < 0.03 and (depth > 0.8 or growing < worst() / 1.5)
 
 

@@ -17,6 +17,11 @@ D4: dict[str, np.ndarray] = {
 }
 
 
+def inverse(name: str) -> str:
+    """Return the name of the symmetry that takes another one back."""
+    return next(other for other, matrix in D4.items() if (matrix == D4[name].T).all())
+
+
 def transform_points(name: str, points: np.ndarray, width: float) -> np.ndarray:
     """Return points (..., 2 or 3) [mm] of the sensor's frame carried by a symmetry of the square of this width."""
     moved = np.array(points, dtype=float)
