@@ -30,7 +30,6 @@ from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.images.flow import with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge
 from gelforge.mismatch.pipeline.stage import observations_of, problem_of
-from gelforge.mismatch.result.verdict import WITHOUT_ANSWER
 from gelforge.mismatch.summary.flow_section import after_of, flow_section
 from gelforge.virtual_lab.session import make_session
 from gelforge.virtual_lab.truth import simulate_truth_cell
@@ -167,9 +166,9 @@ def record(case: Case, study: Study, seed: int, kept: Path, out: Path, mesh: Mes
 
 def groups(judgement: Judgement) -> str:
     """Return what the answer names: members of a group with `or`, what acts together with `and`."""
-    if judgement.answer is None or judgement.state in WITHOUT_ANSWER:
+    if judgement.answer is None:
         return ""
-    return " and ".join(" or ".join((*one.members, *one.or_else)) for one in judgement.answer.groups)
+    return " and ".join(" or ".join(one.names) for one in judgement.answer.groups)
 
 
 def judged(folder: Path, study: Study, kept: Path, images: bool):

@@ -1,9 +1,9 @@
 """Sets that are opened, judged once more by today's judge, beside the former judge's verdicts on the very same cases.
 
 A set NAME is made again as NAME_again (at its own commit), so that the verdicts of its first judging stay in
-judged/NAME.tar.xz; those of today go to judged/NAME_again.tar.xz. Of the cases on the plain base that the former judge has
-judged the strong single effects come first, then those in which nothing is hidden, then the others. The truths choose this
-order, and parts of the sets have served to develop the judge: what comes out is a hypothesis and no proof. SYNTHETIC.
+judged/NAME.tar.xz; those of today go to judged/NAME_again.tar.xz. Strong single effects come first, then cases in which
+nothing is hidden, then the others. The truths choose this order, and parts of the sets have served to develop the judge:
+what comes out is a hypothesis and no proof. SYNTHETIC.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .score import CONFIDENT, STRONG, Judged, Rate
 from .truths import read_truths
 
 AGAIN = "_again"  # after the name of a set that was made again
-PLAIN = "concealed"  # the base
+BASES = ("concealed", "wide")  # of cases that are judged again
 SURE, IN_ANSWER, MISSED = f"identified with {CONFIDENT:g} and more", "in the answer otherwise", "missed"
 
 
@@ -39,11 +39,11 @@ class Both:
 
 
 def in_order(names: list[str]) -> Iterator[tuple[str, str]]:
-    """Yield set and case on the plain base: strong single effects of all sets, then nulls, then the others."""
+    """Yield set and case: strong single effects of all sets, then nulls, then the others."""
     ranked = []
     for name in names:
         for number, (case, truth) in enumerate(sorted(read_truths()[name].items())):
-            if truth["base"] == PLAIN:
+            if truth["base"] in BASES:
                 ranked.append((_turn(truth), number, name, case))
     yield from ((name, case) for *_, name, case in sorted(ranked))
 

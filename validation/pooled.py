@@ -153,6 +153,16 @@ def scores(cases: list[Scored]) -> dict[str, str]:
         f"single, SNR >= {STRONG:g}: identified, first of its group": _rate(strong, lambda j: j.first),
         f"single, SNR >= {STRONG:g}: identified, or in an ambiguous answer": _rate(strong, _in_answer),
     }
+    sizes = [
+        len(names)
+        for one in strong
+        for names, _ in one.judged.answer
+        if _in_answer(one.judged) and set(names) & set(one.judged.true)
+    ]
+    if sizes:
+        table["effects in the set that holds it: median, 90th percentile"] = "{:g}, {:g}".format(
+            *np.quantile(sizes, (0.5, 0.9), method="inverted_cdf")
+        )
     by_effect = [
         [all(one.judged.found) for one in strong if one.judged.true == true] for true in _effects(strong)
     ]

@@ -12,8 +12,8 @@ WIDTH_90 = 3.29  # standard deviations from end to end of a 90 % interval
 LEVEL = 0.01  # of each of the tests of the judge
 SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
 SAYS_NOTHING = ("consistent", "inconclusive")
-NAMES = ("identified", "form_free")
-NO_NAME = ("unexplained", "modelled")
+NAMES = ("identified",)
+NO_NAME = ("unexplained",)
 # Effects of one amount that a cause with a free form has as its even part, or as a map of one kind: it is right of these.
 GENERALISED = {
     "modulus_map": (
@@ -28,8 +28,9 @@ GENERALISED = {
     "friction": ("friction", "friction_law", "frictionless"),
     "force_hysteresis": ("force_hysteresis",),
 }
-# States of verdicts of format 1, which sets of before have; a group was identified where it was as probable as a name.
+# States of verdicts of formats 1 and 2, which archived sets have; a group was identified where it was as probable as a name.
 FORMER = {"null": "consistent", "named": "identified", "open": "unexplained", "insufficient": "inconclusive"}
+FORMER |= {"form_free": "identified", "modelled": "unexplained"}
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,8 @@ class Judged:
     p: float = float("nan")  # the smaller one of the tests of whether there is a mismatch
     snr_each: tuple[float, ...] = ()  # of each true effect by itself
     short: tuple[float, ...] = ()  # by which values are too small, in standard deviations, as `covered`
+    # of each group those that are claimed; None: all of it
+    lines: tuple[tuple[str, ...], ...] | None = None
 
     @property
     def alarm(self) -> bool:
@@ -83,7 +86,11 @@ class Judged:
     @property
     def claims(self) -> tuple[tuple[tuple[str, ...], float], ...]:
         """Return the groups that are claimed; those that other states keep are hints, not claims."""
-        return self.answer if self.state in NAMES else ()
+        if self.state not in NAMES:
+            return ()
+        if self.lines is None:
+            return self.answer
+        return tuple((line, p) for line, (_, p) in zip(self.lines, self.answer, strict=True))
 
     @property
     def found(self) -> list[bool]:
@@ -115,16 +122,27 @@ def answer_of(verdict: dict) -> tuple[tuple[tuple[str, ...], float], ...]:
     A cause with a free form that is claimed is the first group: its name, then the effects that it generalises.
     """
     return cause_of(verdict) + tuple(
-        ((*group["members"], *group.get("or_else", ())), float(group["probability"]))
+        (
+            (*group["members"], *group.get("or_else", group.get("alternatives", ()))),
+            float(group["probability"]),
+        )
         for group in verdict.get("answer", [])
     )
+
+
+def lines_of(verdict: dict) -> tuple[tuple[str, ...], ...] | None:
+    """Return of each group of `answer_of` the effects that its probability is of; None of a former format: all of them."""
+    groups = verdict.get("answer", [])
+    if not any("alternatives" in group for group in groups):
+        return None
+    return tuple(names for names, _ in cause_of(verdict)) + tuple(tuple(group["members"]) for group in groups)
 
 
 def cause_of(verdict: dict) -> tuple[tuple[tuple[str, ...], float], ...]:
     """Return the cause with a free form that a verdict claims, as a group; none where it claims none."""
     model = verdict.get("model") or {}
     cause, p = model.get("cause"), float(model.get("probability") or 0.0)
-    if cause is None or p < CONFIDENT or verdict["state"] not in NAMES:
+    if cause is None or p < CONFIDENT or state_of(verdict) not in NAMES:
         return ()
     return (((cause, *GENERALISED.get(cause, ())), p),)
 
@@ -145,7 +163,7 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
     )
     return Judged(
         truth["content"], truth["snr"], true, state_of(verdict), answer_of(verdict), covered, gain, ratio, left,
-        _distance(truth, verdict), _p(verdict), each, short,
+        _distance(truth, verdict), _p(verdict), each, short, lines_of(verdict),
     )  # fmt: skip
 
 

@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.result.verdict import IDENTIFIED, VerdictError
+from gelforge.mismatch.result.verdict import VerdictError
 from gelforge.report.chapters.chapter import Chapter, count, millinewtons, newtons
 from gelforge.report.chapters.network_words import beside_baselines
 from gelforge.report.chapters.results_reader import SIGMAS, StudyResults
 from gelforge.report.verdict.mismatch_chapters import FOLDER
 from gelforge.report.verdict.mismatch_reader import MismatchResults
-from gelforge.report.verdict.mismatch_words import STATES, answer_text, group_text
+from gelforge.report.verdict.mismatch_words import answer_text
 
 COLUMNS = ["quantity", "value", "to compare with"]
 Part = tuple[str, list[tuple[str, str, str]]]  # a sentence, rows of the table
@@ -88,12 +88,8 @@ def _verdict(results: StudyResults) -> Part | None:
         verdict = MismatchResults(results.folder / FOLDER).verdict
     except VerdictError:
         return None
-    named = (
-        [group_text(group) for group in verdict.answer] if verdict.state in (*IDENTIFIED, "ambiguous") else []
-    )
-    answer = f": {'; and '.join(named)}" if named else ""
-    row = ("verdict", verdict.state.replace("_", " "), answer_text(verdict) if named else "–")
-    return f"The verdict on the simulation: {STATES[verdict.state]}{answer}.", [row]
+    answer = answer_text(verdict) if verdict.state != "unexplained" else ""
+    return f"The verdict on the simulation: {verdict.sentence}", [("verdict", verdict.state, answer or "–")]
 
 
 PARTS: dict[str, Callable[[StudyResults], Part | None]] = {

@@ -28,9 +28,7 @@ def test_lateral_axes_that_are_others_are_named_and_no_physics_is(axes):
     assert found.state == "identified"
     (part,) = found.answer.fit.parts
     assert (part.name, part.shape) == ("force_frame", {"axes": axes})
-    assert f"forces are recorded in another frame than assumed (force frame, axes {axes})" in sentence_of(
-        problem, found
-    )
+    assert f"Forces are recorded in another frame than assumed ({axes})" in sentence_of(problem, found)
 
 
 @pytest.mark.thorough

@@ -83,7 +83,7 @@ def lagging(base, size=0.06):
 def test_a_force_sensor_that_lags_in_another_form_lags():
     hidden = problem(lagging)
     found = judge(hidden, SETTINGS, seed=1)
-    assert found.state == "form_free" and found.model.module.name == "force_hysteresis"
+    assert found.state == "identified" and found.model.module.name == "force_hysteresis"
     assert found.posterior.holding(["force_hysteresis"]) > 0.9
 
 

@@ -12,15 +12,15 @@ from test_screen import make
 from gelforge.mismatch.evidence.identifiability import (
     DETECTED_SNR,
     Plan,
-    cosines,
+    correlations,
     detection_limits,
     expected_log_odds,
+    indistinguishable,
     next_experiment,
     profile,
 )
 from gelforge.mismatch.evidence.screen import Candidate, screened
 from gelforge.mismatch.goodness.scan import dictionary, scan
-from gelforge.mismatch.inference.posterior import MOST_TWINS, twins_of
 
 
 @pytest.fixture(scope="module")
@@ -33,37 +33,43 @@ def named(candidates, name):
     return next(c for c in candidates if c.name == name)
 
 
-def test_cosines():
-    found = cosines(np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]))
-    assert_allclose(found, [[1, np.sqrt(0.5), 0], [np.sqrt(0.5), 1, 0], [0, 0, 0]])
+def test_correlations_are_cosines_of_one_column_and_shares_that_are_followed_of_several():
+    e = np.eye(4)
+    one, mixed, nothing = e[:, :1], (e[:, :1] + e[:, 1:2]) / np.sqrt(2), np.zeros((4, 1))
+    plane, unequal = e[:, :2], e[:, :2] * [3.0, 1.0]
+    found = correlations([one, mixed, nothing, plane, unequal])
+    assert_allclose(np.diag(found), [1, 1, 0, 1, 1], atol=1e-12)
+    assert_allclose(found, found.T)
+    half = np.sqrt(0.5)
+    assert_allclose(
+        found[0], [1, half, 0, half, np.sqrt(0.9)], atol=1e-12
+    )  # 9 of the 10 of `unequal` lie along `one`
+    assert_allclose(found[3, 4], 1, atol=1e-12)  # the same plane, whatever the prior
 
 
-def twins(world, changed, others=()):
-    """Return what these readings cannot tell apart where the change (n,) [N] is read."""
+def test_effects_that_scale_all_forces_share_a_line_and_others_do_not(world):
     _, covariance, candidates = world
-    r = changed + covariance.draw(np.random.default_rng(1), 1)[:, 0]
-    return twins_of(covariance, {one.name: one for one in screened(r, covariance, [*candidates, *others])})
-
-
-def test_effects_that_scale_all_forces_are_twins(world):
-    stiffness = named(world[2], "gel_stiffness")
-    twin = replace(stiffness, name="force_gain")
-    found = twins(world, 0.4 * stiffness.columns[:, 0], [twin])
-    assert found["gel_stiffness"] == found["force_gain"] == {"gel_stiffness", "force_gain"}
-
-
-def test_effects_that_differ_are_no_twins(world):
-    drift = named(world[2], "force_drift")
-    assert twins(world, drift.columns @ [0.06, -0.06, 0.06])["force_drift"] == {"force_drift"}
-
-
-def test_a_class_has_the_most_alike_ones(world):
-    stiffness = named(world[2], "gel_stiffness")
-    alike = [replace(stiffness, name=f"twin{k}") for k in range(4)]
-    found = twins(world, 0.4 * stiffness.columns[:, 0], alike)
-    assert all(
-        len(members) == MOST_TWINS and name in members for name, members in found.items() if "twin" in name
+    stiffness, drift = named(candidates, "gel_stiffness"), named(candidates, "force_drift")
+    lines = indistinguishable(
+        covariance, {"gel_stiffness": stiffness, "force_gain": stiffness, "force_drift": drift}
     )
+    assert lines["gel_stiffness"] == lines["force_gain"] == {"gel_stiffness", "force_gain"}
+    assert lines["force_drift"] == {"force_drift"}
+    assert indistinguishable(covariance, {"force_drift": drift}) == {"force_drift": {"force_drift"}}
+
+
+def test_effects_of_a_line_correlate_all_with_each_other(world):
+    """Three changes 15 degrees apart: neighbours correlate by 0.966, the outer two by 0.866."""
+    covariance = world[1]
+    draws = covariance.draw(np.random.default_rng(2), 2)
+    _, R = np.linalg.qr(covariance.whiten(draws))
+    basis = draws @ np.linalg.inv(R)
+    fan = {
+        str(k): Candidate(str(k), {}, basis @ [[np.cos(t)], [np.sin(t)]], np.ones(1), np.zeros(1, int))
+        for k, t in enumerate(np.radians([0.0, 15.0, 30.0]))
+    }
+    lines = indistinguishable(covariance, fan)
+    assert "2" not in lines["0"] and sorted(map(len, set(lines.values()))) == [1, 2]
 
 
 def test_the_limit_has_the_stated_snr(world):

@@ -40,7 +40,7 @@ def modelled():
 def test_what_no_effect_explains_is_modelled_with_its_range_and_what_it_predicts(modelled):
     problem, found = modelled
     said = verdict(problem, found)
-    assert said.state == "modelled" and not said.sure
+    assert said.state == "unexplained" and not said.sure
     model, depths = said.model, problem.observations.table["depth_mm"]
     assert "the pressing force with depth" in model.words and model.corrects_labels and not model.beside
     assert model.depth_mm == pytest.approx((depths.min(), depths.max())) and model.sites == 16
@@ -52,19 +52,18 @@ def test_what_no_effect_explains_is_modelled_with_its_range_and_what_it_predicts
     assert model.held_out.after.rmse_N[2] == pytest.approx(np.sqrt(np.mean(left**2)))
     assert model.held_out.after.rmse_N[2] < 0.7 * model.held_out.before.rmse_N[2]
     assert model.largest_N[2] == pytest.approx(np.abs(found.model.change[axis == 2]).max())
-    assert "something that no known effect explains" in said.sentence
-    assert "modelled as a smooth function, its cause unknown (correction.csv has it)" in said.sentence
+    assert "no known cause explains it" in said.sentence and "the pressing force with depth" in said.sentence
+    assert "correction.csv" in said.next_step
 
 
 def test_a_sure_effect_stands_beside_what_is_modelled():
     problem = bending(("tilt", [3.0, -2.0]))
     found = judge(problem, SETTINGS, seed=1)
     said = verdict(problem, found)
-    assert said.state == "form_free" and said.sure[0].members[0] == "tilt"
+    assert said.state == "identified" and said.sure[0].members[0] == "tilt"
     assert said.model.beside == ["tilt"]
     # before it stands the effect alone, whose amounts follow the training readings
     assert said.model.held_out.before.rmse_N == said.fit.held_out.after.rmse_N
-    assert "in a form of its own or together with a discrepancy" in said.sentence
 
 
 def test_the_correction_has_every_judged_place_and_depth_while_loading(modelled, tmp_path):

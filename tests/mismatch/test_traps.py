@@ -10,7 +10,7 @@ from gelforge.config import study_from
 from gelforge.config.basis.variants import merged
 from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.evidence.covariance import readings_covariance
-from gelforge.mismatch.evidence.identifiability import ALIKE, cosines
+from gelforge.mismatch.evidence.identifiability import ALIKE
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of
 from gelforge.mismatch.pipeline.design import planned_observations
@@ -62,7 +62,9 @@ def cosines_of(base, *effects, context=None):
     named = [(one, {}) if isinstance(one, str) else one for one in effects]
     changes = [columns_of(context, CATALOGUE[name], shape)[:, -1] for name, shape in named]
     covariance = readings_covariance(context, base.law, base.floor, base.alike)
-    return cosines(covariance.whiten(np.column_stack(changes)))
+    white = covariance.whiten(np.column_stack(changes))
+    white = white / np.linalg.norm(white, axis=0)
+    return white.T @ white
 
 
 @pytest.mark.thorough

@@ -1,7 +1,5 @@
 """Something that no effect of the catalogue is: its covariance against a dense one, and effects that it beats or not."""
 
-from dataclasses import replace
-
 import artificial
 import numpy as np
 import pytest
@@ -116,15 +114,10 @@ def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown(
 @pytest.mark.thorough
 def test_what_differs_from_press_to_press_has_no_name_and_its_manner_is_reported():
     problem, found = judged(displaced())
-    assert found.state in ("unexplained", "modelled")
+    assert found.state in ("unexplained",)
     assert found.posterior.holding([UNKNOWN]) > 0.9
     assert "from one indentation to the next" in found.answer.discrepancy_words
-    words = sentence_of(problem, replace(found, state="unexplained", model=None))
-    assert (
-        "something that no known effect explains, a change of the sideways forces from one indentation to the next"
-        in words
-    )
-    assert "something that no known effect explains" in sentence_of(problem, found)
+    assert len(sentence_of(problem, found).split()) <= 25
 
 
 @pytest.mark.thorough
@@ -132,7 +125,7 @@ def test_evidence_for_something_unknown_is_a_test_of_its_own():
     """Of half the backlash neither the sum of squares nor the scan is certain."""
     _, found = judged(displaced(size_mm=0.4))
     assert min(found.mismatch.test.p, found.mismatch.scan.p) > 1e-3 > found.mismatch.unknown_p
-    assert found.state not in ("consistent", "identified", "form_free")
+    assert found.state not in ("consistent", "identified")
 
 
 @pytest.mark.thorough
@@ -142,6 +135,6 @@ def test_a_pair_that_is_found_leaves_nothing_unknown():
     both = CATALOGUE["misregistration"].to_forces(base, {}, zero, np.array([0.8, 0.3]))
     problem = problem_of(artificial.read(base, both, rng))
     found = judge(problem, SETTINGS, seed=1)
-    names = {name for group in found.answer.groups for name in (*group.members, *group.or_else)}
+    names = {name for group in found.answer.groups for name in group.names}
     assert {"contact_zero", "misregistration"} <= names
     assert found.posterior.holding([UNKNOWN]) < 0.5

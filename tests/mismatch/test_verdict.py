@@ -98,10 +98,7 @@ def test_a_verdict_comes_back_and_the_same_content_gives_the_same_bytes(tmp_path
     ("keys", "words"),
     [
         ({"answer": [{"members": ["gel_stiffness"], "probability": 0.89}]}, "the largest is 0.89"),
-        (
-            {"state": "form_free", "answer": [{"members": ["friction"], "probability": 0.1}]},
-            "form_free, but no",
-        ),
+        ({"answer": [{"members": ["friction"], "probability": 0.1, "set_probability": 1}]}, "but no line"),
         ({"effects": [effect("gel_stiffness", 0.97, in_range=False)]}, "outside its physical range"),
         ({"adequacy": {"p": 0.4, "scan_p": 0.0019}}, "adequacy p > 0.002"),
         ({"adequacy": None}, "adequacy p > 0.002"),
@@ -109,9 +106,8 @@ def test_a_verdict_comes_back_and_the_same_content_gives_the_same_bytes(tmp_path
         ({"answer": []}, "identified without an answer"),
         ({"state": "ambiguous", "answer": []}, "ambiguous without an answer"),
         ({"state": "consistent"}, "leave the answer out"),
-        ({"state": "inconclusive"}, "leave the answer out"),
         (
-            {"answer": [{"members": ["friction"], "or_else": ["yaw"], "probability": 1}]},
+            {"answer": [{"members": ["friction"], "alternatives": ["yaw"], "probability": 1}]},
             "['yaw'], which are not among the effects",
         ),
         ({"answer": [{"members": ["tilt"], "probability": 1}]}, "['tilt'], which are not among the effects"),
@@ -129,18 +125,19 @@ def test_a_verdict_cannot_say_more_than_its_numbers(keys, words):
 
 
 def test_each_other_state_has_its_form():
-    for state in ("consistent", "inconclusive", "unexplained", "modelled"):
+    for state in ("consistent", "inconclusive", "unexplained"):
         assert Verdict.model_validate(content(state=state, answer=[])).state == state
-    unsure = [{"members": ["gel_stiffness"], "or_else": ["friction"], "probability": 0.6}]
+    unsure = [{"members": ["gel_stiffness"], "alternatives": ["friction"], "probability": 0.6}]
     assert Verdict.model_validate(content(state="ambiguous", answer=unsure)).answer[0].names == [
         "gel_stiffness",
         "friction",
     ]
-    assert Verdict.model_validate(content(state="unexplained")).answer  # the best of the known is kept
+    for state in ("unexplained", "inconclusive"):
+        assert Verdict.model_validate(content(state=state)).answer  # the leading explanation is kept
 
 
 def test_neither_odds_within_a_group_nor_the_held_out_gain_is_a_condition_of_a_name():
-    both = [{"members": ["gel_stiffness", "friction"], "probability": 0.95, "odds": 2}]
+    both = [{"members": ["gel_stiffness", "friction"], "probability": 0.95}]
     fit = content()["fit"] | {"held_out": None}
     assert Verdict.model_validate(content(answer=both, fit=fit)).identified
 
@@ -167,7 +164,7 @@ def test_an_interval_runs_upward():
         (None, "no such file"),
         ("{", "holds no checksum"),
         (content(state="sure"), "state: Input should be"),
-        (content(format="gelforge-verdict-1"), "format: Input should be 'gelforge-verdict-2'"),
+        (content(format="gelforge-verdict-2"), "format: Input should be 'gelforge-verdict-3'"),
     ],
 )
 def test_a_file_that_is_no_verdict_is_refused_with_its_remedy(tmp_path, text, words):

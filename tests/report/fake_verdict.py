@@ -154,8 +154,7 @@ def fake_content() -> dict:
         "title": "SYNTHETIC presses on a made-up sensor",
         "synthetic": True,
         "state": "identified",
-        "sentence": "The sensor is 9 % softer than simulated, everywhere and at every depth: its gel is softer, or the force"
-        " sensor reads low; these readings cannot tell which.",
+        "sentence": "The gel is 9 % softer than simulated or an indistinguishable cause (probability 0.97).",
         "mismatch": {
             "chi2": 1450.2,
             "degrees": len(table),
@@ -178,8 +177,9 @@ def fake_content() -> dict:
             {
                 "members": LIKE,
                 "probability": 0.97,
-                "odds": 1.8,
-                "cosine": 0.9996,
+                "shares": dict(zip(LIKE, (0.6, 0.3, 0.1))),
+                "differs_N": 0.0004,
+                "differs_snr": 0.3,
                 "decided_by": "Put dead weights on the sensor: they tell the force sensor's gain without the gel.",
             }
         ],

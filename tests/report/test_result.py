@@ -19,7 +19,7 @@ from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.chapters.table_units import in_units_of_the_page
 from gelforge.report.page import CHAPTERS
 from gelforge.report.result import result
-from gelforge.report.verdict.mismatch_words import STATES, answer_text
+from gelforge.report.verdict.mismatch_words import answer_text
 
 
 def sentences(text: str) -> list[str]:
@@ -63,12 +63,15 @@ def test_labels_without_error_bars_have_no_row(whole):
     assert not any("error bar" in row[0] for row in table.rows)
 
 
-@pytest.mark.parametrize("state", ["unexplained", "modelled"])
-def test_an_answer_that_is_none_is_not_named_in_the_opening(whole, tmp_path, state):
-    content = fake_verdict.fake_content() | {"state": state}
+def test_an_answer_that_is_none_is_not_named_in_the_opening(whole, tmp_path):
+    content = fake_verdict.fake_content() | {
+        "state": "unexplained",
+        "sentence": "No known cause explains it.",
+    }
     fake_verdict.write_fake_verdict(tmp_path / "mismatch", content)
-    said = result(replace(StudyResults(*whole), folder=tmp_path)).blocks[0].words
-    assert STATES[state] in said and "gel stiffness" not in said
+    words, table = result(replace(StudyResults(*whole), folder=tmp_path)).blocks[:2]
+    assert "No known cause explains it." in words.words
+    assert not any("gel stiffness" in cell for row in table.rows for cell in row)
 
 
 def test_an_answer_has_probability_and_the_value_of_its_first_effect():

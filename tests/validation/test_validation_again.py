@@ -23,7 +23,7 @@ def judged(state, *answer):
 
 
 CLAIMED = judged("identified", (("wedge", "tilt"), 0.95))
-HINT = judged("modelled", (("tilt",), 0.97))
+HINT = judged("unexplained", (("tilt",), 0.97))
 WRONG = judged("identified", (("yaw",), 0.95))
 
 
@@ -31,7 +31,7 @@ WRONG = judged("identified", (("yaw",), 0.95))
     ("one", "how"),
     [
         (CLAIMED, SURE),
-        (judged("form_free", (("tilt",), 0.6)), IN_ANSWER),
+        (judged("identified", (("tilt",), 0.6)), IN_ANSWER),
         (HINT, IN_ANSWER),
         (WRONG, MISSED),
         (judged("failed"), MISSED),

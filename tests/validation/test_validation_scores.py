@@ -31,7 +31,7 @@ CASES = [
         "single", 10.0, ("tilt",), "identified", ((("tilt",), 0.97),), (True, True), 0.9, snr_each=(10.0,)
     ),
     Judged(
-        "single", 10.0, ("tilt",), "form_free", ((("wedge", "tilt"), 0.92),), (False,), 0.5
+        "single", 10.0, ("tilt",), "identified", ((("wedge", "tilt"), 0.92),), (False,), 0.5
     ),  # right group, not first
     Judged("single", 3.0, ("void",), "identified", ((("yaw",), 0.6),)),  # wrong, not confident
     Judged("single", 9.0, ("void",), "failed", ()),
@@ -150,6 +150,8 @@ def test_intervals_count_where_the_effect_was_found():
         ("named", 0.97, "identified"),
         ("group", 0.93, "identified"),
         ("group", 0.7, "ambiguous"),
+        ("form_free", 0.97, "identified"),
+        ("modelled", 0.97, "unexplained"),
     ],
 )
 def test_verdicts_of_the_former_format_are_read_in_the_words_of_this_one(former, probability, now):
@@ -164,6 +166,14 @@ def test_what_may_be_there_instead_counts_as_part_of_a_group():
     verdict = {"state": "identified", "answer": answer, "effects": []}
     found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
     assert found.found == [True] and not found.first and not found.wrong_and_confident
+
+
+def test_a_line_is_claimed_and_the_credible_set_is_the_answer():
+    answer = [{"members": ["wedge"], "alternatives": ["tilt"], "probability": 0.95}]
+    verdict = {"state": "identified", "answer": answer, "effects": []}
+    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
+    assert found.answer == ((("wedge", "tilt"), 0.95),)
+    assert found.claims == ((("wedge",), 0.95),) and found.wrong_and_confident
 
 
 def test_a_cause_with_a_free_form_is_a_claim_and_right_of_what_it_generalises():

@@ -172,7 +172,7 @@ class Costs:
         own = sum(cell.source is None for cell in self.cells.values()) / len(self.cells)
         positions = math.ceil(own * min(self.study.mismatch.sites, len(self.cells)))
         per_position = VERDICT_CELLS
-        if self.study.mismatch.images != "left_out" and any(
+        if self.study.mismatch.images in ("fitted", "predicted") and any(
             self.images(one)[0] for one in self.study.sessions
         ):
             per_position += VERDICT_IMAGE_CELLS

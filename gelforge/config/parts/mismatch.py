@@ -61,9 +61,10 @@ class Mismatch(Section):
         None,
         description="standard deviation of the contact point, in place of what the sessions state [mm]",
     )
-    images: Literal["fitted", "predicted", "left_out"] = Field(
-        "fitted",
-        description="images of sessions with a camera are judged with the forces, predicted from them, or left out",
+    images: Literal["auto", "fitted", "predicted", "left_out"] = Field(
+        "auto",
+        description="images of sessions with a camera are judged with the forces where these leave several effects that"
+        " images distinguish, and for these effects (auto); always judged with the forces, predicted from them, or left out",
     )
 
     @model_validator(mode="before")

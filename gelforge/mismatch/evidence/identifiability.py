@@ -6,12 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.spatial.distance import squareform
 
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.model.effect import Shape
 
-ALIKE = 0.95  # |cos| of whitened changes, above which two effects are one group
+ALIKE = 0.95  # correlation of sensitivities, from which two effects share a line
 # On recordings of 4 to 25 sites the largest of a scan's 75 to 230 correlated scores exceeds 3.5 to 3.7 by chance in 2.5 %,
 # so a change of 4 standard deviations is seen in about three of four cases, one of 2 hardly ever (test_identifiability).
 DETECTED_SNR = 4.0
@@ -59,11 +61,51 @@ class Experiment:
         return self.expected_log_odds >= DECISIVE
 
 
-def cosines(changes: np.ndarray) -> np.ndarray:
-    """Return the cosines (k, k) between whitened changes (n, k); 0 with a change that is nothing."""
-    norms = np.linalg.norm(changes, axis=0)
-    unit = changes / np.where(norms > 0, norms, 1.0)
-    return unit.T @ unit
+def indistinguishable(
+    covariance: Covariance, candidates: Mapping[str, Candidate]
+) -> dict[str, frozenset[str]]:
+    """Return the line of each effect: effects whose sensitivities correlate by ALIKE or more, all with each other.
+
+    Readings play no part: a plan knows it before any of them. The covariance holds the nuisance parameters. Lines are
+    clusters of complete linkage.
+
+    Parameters
+    ----------
+    covariance : Covariance
+        Of n entries.
+    candidates : mapping of Candidate
+        By effect, at one shape; columns (n, p) [N per unit].
+
+    Returns
+    -------
+    dict of frozenset
+        By effect, names.
+    """
+    names = [*candidates]
+    correlation = correlations(
+        [covariance.whiten(one.columns * np.asarray(one.widths)) for one in candidates.values()]
+    )
+    if len(names) < 2:
+        return {name: frozenset({name}) for name in names}
+    apart = squareform(1 - correlation, checks=False)
+    line = fcluster(linkage(apart, "complete"), 1 - ALIKE, "distance")
+    return {name: frozenset(np.array(names)[line == own].tolist()) for name, own in zip(names, line)}
+
+
+def correlations(changes: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the correlations (k, k) of whitened sensitivities (n, p_k), in units of the prior.
+
+    Of two columns it is |cos|. Of several it is the root of the share of one effect's changes, drawn from its prior, that
+    the other one can follow; the smaller one of both ways.
+    """
+    bases = []
+    for change in changes:
+        u, size, _ = np.linalg.svd(change, full_matrices=False)
+        bases.append(u[:, size > 1e-9 * max(size.max(initial=0.0), np.finfo(float).tiny)])
+    total = np.array([max(np.sum(change**2), np.finfo(float).tiny) for change in changes])
+    followed = np.array([[np.sum((basis.T @ change) ** 2) for basis in bases] for change in changes])
+    share = np.sqrt(np.clip(followed / total[:, None], 0.0, 1.0))
+    return np.minimum(share, share.T)
 
 
 def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) -> list[Limit]:

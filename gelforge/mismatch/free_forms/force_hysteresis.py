@@ -42,7 +42,7 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
             words="a lag of the force sensor",
             directions=np.column_stack(directions),
             name="force_hysteresis",
-            says="the force sensor reads otherwise during unloading than during loading",
+            says="the force sensor reads differently during unloading",
             map=pd.concat([at.assign(quantity=f"opening of {axis}") for axis in AXES], ignore_index=True),
             basis=blocks([own] * 3),
             unit="of the largest force",

@@ -35,7 +35,7 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
             words="friction at other pressures",
             directions=np.column_stack([alike, *(WIDTH * one.columns[:, 0] for one in changes)]),
             name="friction",
-            says="the coefficient of friction depends on the contact pressure otherwise than in the study",
+            says="friction depends differently on the contact pressure",
             map=pd.DataFrame({"quantity": "coefficient of friction", "pressure_MPa": pressures}),
             basis=basis,
             unit="1",

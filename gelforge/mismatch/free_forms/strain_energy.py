@@ -33,7 +33,7 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
             words="the strain energy at larger strain",
             directions=WIDTH * np.column_stack([by_term[key] for key in keys]),
             name="strain_energy",
-            says="the layers stiffen otherwise at larger strain than their constitutive models",
+            says="the layers stiffen differently at large strain than their constitutive models",
             map=pd.concat(maps, ignore_index=True),
             basis=WIDTH * basis_of_terms,
             unit="1",

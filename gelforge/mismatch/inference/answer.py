@@ -1,4 +1,4 @@
-"""The answer of a posterior: its most probable set, fitted, in classes that these readings can distinguish."""
+"""The answer of a posterior: its most probable set, fitted, and the credible set of each of its effects."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from gelforge.config import ConfigError
 from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
-from gelforge.mismatch.evidence.identifiability import cosines
 from gelforge.mismatch.evidence.screen import Screened
 from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.few_sites import at_few_sites
-from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, through_solutions
+from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, linearised, through_solutions
 from gelforge.mismatch.inference.placing import placed
 from gelforge.mismatch.inference.posterior import Effects, Posterior, posterior_of
 from gelforge.mismatch.inference.proof import Proof, folds_of, having_paid, proof_of
@@ -26,19 +25,27 @@ from gelforge.mismatch.terms.refit import Refitted, refitted
 from gelforge.mismatch.terms.unknown import Manner
 from gelforge.progress import stage
 
-NEGLIGIBLE = 0.02  # probability of an effect below which it is not mentioned beside others
-MOST_ALTERNATIVES = 3  # classes that one of the answer's effects may stand for
+WORTH_SOLVING = 0.1  # probability of an effect, below which no effect is solved
 
 
 @dataclass(frozen=True)
 class Group:
-    """One effect of the answer, what these readings cannot distinguish from it, and what may stand in its place."""
+    """One acting effect: its credible set, in two parts."""
 
-    members: tuple[str, ...]  # the fitted effect first; all leave one pattern
-    or_else: tuple[str, ...]  # effects of other patterns, where the members alone are not sure
-    probability: float  # that one of all these is there
-    odds: float  # of the first member over the other members; inf where it is alone
-    cosines: Mapping[str, float]  # of the members' changes with the first one's
+    members: tuple[str, ...]  # the fitted effect first, then those of its line: the same sensitivities
+    alternatives: tuple[str, ...]  # other effects of the credible set, the most probable first
+    probability: float  # that a member is there
+    set_probability: float  # that an effect of the credible set is there
+    shares: Mapping[str, float]  # of each effect in the set; they add up to 1
+    differs_snr: (
+        float  # largest difference between the readings that the set's effects predict, signal over noise
+    )
+    differs_N: float  # the same, root mean square over readings [N]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the credible set."""
+        return (*self.members, *self.alternatives)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +83,9 @@ def explained(
     rng: np.random.Generator,
 ) -> tuple[Answer | None, list[str]]:
     """Return the answer to a mismatch, None where no effect could be fitted, and what went wrong on the way."""
-    if posterior.holding([UNKNOWN]) >= SURE:
+    if max((posterior.holding([name]) for name in posterior.singles), default=0.0) < WORTH_SOLVING:
+        problem = linearised(problem)
+    elif posterior.holding([UNKNOWN]) >= SURE:
         # Softening explains nothing by itself then: to follow all indentations in order takes minutes and decides nothing.
         problem = problem.drafted()
     seated, note = placed(problem, at_few_sites(problem))
@@ -177,46 +186,42 @@ def _amounts_in(judged: Screened, name: str) -> np.ndarray:
 
 
 def groups_of(problem: Problem, posterior: Posterior, fit: Refitted) -> tuple[Group, ...]:
-    """Return for each fitted effect its class: what these readings cannot distinguish it from.
-
-    Where the class is not sure its alternatives are added, as they are probable, until one of them is; an effect of another
-    class of the same answer is none.
-    """
+    """Return the credible set of each fitted effect, in the order of the fit."""
     names = [part.name for part in fit.parts]
-    changes = {part.name: part.columns @ np.asarray(amounts) for part, amounts in zip(fit.parts, fit.amounts)}
     found = []
     for name in names:
-        twins = _twins_beside(posterior, name, names)
-        others = [other for other in names if other not in twins]
-        members = [*twins]
-        rivals: list[str] = []
-        rest = sorted(
-            posterior.singles.keys() - set(members) - set(others), key=lambda n: -posterior.holding([n])
-        )
-        for rival in rest[: MOST_ALTERNATIVES - 1]:
-            if posterior.holding([*members, *rivals]) >= SURE or posterior.holding([rival]) < NEGLIGIBLE:
-                break
-            rivals.append(rival)
-        own = posterior.holding([name])
-        odds = own / max(sum(posterior.holding([m]) for m in twins if m != name), 1e-12)
-        white = problem.covariance.whiten(
-            np.column_stack([changes[name], *(posterior.singles[t].change for t in twins[1:])])
-        )
-        cos = cosines(white)[0]
+        credible = posterior.credible_set(name, set(names) - {name})
+        members = [one for one in credible if one in posterior.lines.get(name, {name})]
+        alternatives = [one for one in credible if one not in members]
+        chance = {one: posterior.holding([one]) for one in credible}
+        total = max(sum(chance.values()), np.finfo(float).tiny)
+        differs = [_difference(problem, posterior, frozenset(names), name, one) for one in credible[1:]]
         found.append(
             Group(
-                members=tuple(twins),
-                or_else=tuple(rivals),
-                probability=posterior.holding([*twins, *rivals]),
-                odds=float(odds) if len(twins) > 1 else np.inf,
-                cosines={twin: float(c) for twin, c in zip(twins, cos)},
+                members=tuple(members),
+                alternatives=tuple(alternatives),
+                probability=posterior.holding(members),
+                set_probability=posterior.holding(credible),
+                shares={one: chance[one] / total for one in (*members, *alternatives)},
+                differs_snr=max((snr for snr, _ in differs), default=0.0),
+                differs_N=max((size for _, size in differs), default=0.0),
             )
         )
     return tuple(found)
 
 
-def _twins_beside(posterior: Posterior, name: str, names: Sequence[str]) -> list[str]:
-    """Return an effect of an answer and its twins that are not in the answer themselves, the most probable first."""
-    others = posterior.twins.get(name, frozenset({name})) - set(names)
-    likely = [other for other in others if posterior.holding([other]) > NEGLIGIBLE]
-    return [name, *sorted(likely, key=lambda other: -posterior.holding([other]))]
+def _difference(
+    problem: Problem, posterior: Posterior, effects: Effects, name: str, other: str
+) -> tuple[float, float]:
+    """Return by how much readings differ between an answer and the same with another effect in place of one of it.
+
+    Signal over noise, and root mean square [N], by linear changes. Sets that were not weighed are compared alone.
+    """
+    own, instead = posterior.sets.get(effects), posterior.sets.get(effects - {name} | {other})
+    if own is None or instead is None:
+        own, instead = posterior.singles[name], posterior.singles[other]
+    difference = own.change - instead.change
+    return (
+        float(np.linalg.norm(problem.covariance.whiten(difference))),
+        float(np.sqrt(np.mean(difference[problem.of_force] ** 2))),
+    )

@@ -69,11 +69,12 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
 def _largest_first(
     problem: Problem, posterior: Posterior, wanted: Effects, done: Container[Effects]
 ) -> Effects:
-    """Return the effect of a set that changes the readings most, alone, where images are read and it was not fitted before.
+    """Return the effect of a set that changes the readings most, alone, if it was not fitted before; else the set.
 
-    The flow is far from linear in a large change: without its curvature a second effect is called in to mend it.
+    A second effect has to explain what the first one leaves when it is solved: by its linear change alone, it may only
+    mend the curvature of the first.
     """
-    if problem.flow is None or len(wanted) == 1:
+    if len(wanted) == 1:
         return wanted
     one, at, sizes = posterior.sets[wanted], 0, {}
     for part in one.parts:
@@ -174,17 +175,17 @@ def _next(
 ) -> Effects | None:
     """Return the set to fit next: the most probable one, else its nearest competitor, else none.
 
-    A competitor does without one of the most probable set's classes; whether there is more beside these is asked of the
+    A competitor does without one of the most probable set's lines; whether there is more beside these is asked of the
     linear pass about the fit.
     """
     ranked = [effects for effects in posterior.ranked() if effects not in failed]
     if not ranked or ranked[0] not in fits:
         return ranked[0] if ranked else None
-    own, best = posterior.classes(ranked[0]), posterior.weight(ranked[0])
+    own, best = posterior.lines_of(ranked[0]), posterior.weight(ranked[0])
     for other in ranked[1:]:
         if posterior.weight(other) < best - COMPETITOR:
             return None
-        if not own <= posterior.classes(other):
+        if not own <= posterior.lines_of(other):
             return None if other in fits else other
     return None
 
@@ -192,9 +193,9 @@ def _next(
 def _with_fits(
     posterior: Posterior, first: Posterior, fits: Mapping[Effects, Refitted], failed: Mapping[Effects, str]
 ) -> Posterior:
-    """Return the posterior with the fits' evidence, with what they gained over the first linear pass for sets of twins.
+    """Return the posterior with the fits' evidence; sets of the same lines gain what a fitted one gained.
 
-    A twin would gain as much, and is not left behind for not having been fitted. Failures are dropped.
+    They would gain as much if they were fitted. Failures are dropped.
     """
     sets: dict[Effects, Screened] = {
         effects: first.sets[effects] for effects in fits if effects in first.sets
@@ -202,7 +203,7 @@ def _with_fits(
     sets |= posterior.sets
     evidence = {effects: one.log_bayes_factor for effects, one in sets.items()} | dict(posterior.evidence)
     gained = {
-        first.classes(effects): fit.log_bayes_factor - first.evidence[effects]
+        first.lines_of(effects): fit.log_bayes_factor - first.evidence[effects]
         for effects, fit in fits.items()
         if effects in first.evidence
     }
@@ -211,6 +212,6 @@ def _with_fits(
         beside = evidence[effects] - posterior.evidence.get(known, 0.0) if known != effects else 0.0
         if known in fits:
             evidence[effects] = fits[known].log_bayes_factor + beside
-        elif known in first.evidence and posterior.classes(known) in gained:
-            evidence[effects] = first.evidence[known] + gained[posterior.classes(known)] + beside
+        elif known in first.evidence and posterior.lines_of(known) in gained:
+            evidence[effects] = first.evidence[known] + gained[posterior.lines_of(known)] + beside
     return replace(posterior, sets=sets, evidence={e: v for e, v in evidence.items() if e not in failed})

@@ -24,6 +24,11 @@ from gelforge.mismatch.terms.weighing import chance_of_known
 from gelforge.progress import stage
 
 LIKELY = 0.5
+# An alarm also asks that nothing being missing is unlikely, by the same tempered evidence as the answer.
+NOTHING_P = 0.05
+# Of chi-square or the scan. Below it readings are not noise, even where no effect and no kernel is likelier than nothing.
+CERTAIN_P = 1e-6
+MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too few
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +43,12 @@ class Judgement:
     model: Modelled | None  # of what no known effect explains, where it predicts; with a cause or without
     notes: tuple[str, ...]  # what went wrong on the way
     out_of_range: bool = False  # a value of the answer is not physical, or on its bounds
+
+    @property
+    def explained(self) -> bool:
+        """Return whether a known cause is put into the nominal model."""
+        free = self.model is not None and self.model.sure
+        return free or (self.answer is not None and not self.out_of_range)
 
     @property
     def answered(self) -> Answer:
@@ -69,7 +80,7 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     posterior = posterior_of(problem, manners)
     unknown = posterior.unknown[NOTHING]
     mismatch = replace(mismatch, unknown_p=unknown.p, known_p=chance_of_known(problem))
-    if mismatch.p >= ALARM_P:
+    if not _alarm(mismatch, posterior):
         physics = [
             one for one in posterior.singles.values() if not problem.effects[one.name].data_entry_error
         ]
@@ -85,6 +96,13 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
         answer = answer if out else _beside_cause(problem, answer, model)
     notes += [note] if note else []
     return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
+
+
+def _alarm(mismatch: ResidualTests, posterior: Posterior) -> bool:
+    """Return whether there is a mismatch: one of the tests says so, and nothing being missing is unlikely."""
+    if min(mismatch.test.p, mismatch.scan.p) < CERTAIN_P:
+        return True
+    return mismatch.p < ALARM_P and posterior.probability[NOTHING] < NOTHING_P
 
 
 def _modelled(
@@ -112,7 +130,7 @@ def _modelled(
 
 def _of_one_cause(model: Modelled, answer: Answer) -> bool:
     """Return whether all that an answer claims may be the cause that is modelled, in another form."""
-    return all(set(model.form_of) & {*group.members, *group.or_else} for group in answer.sure)
+    return all(set(model.form_of) & {*group.names} for group in answer.sure)
 
 
 def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | None) -> Answer | None:
@@ -162,18 +180,17 @@ def _wanting(answer: Answer) -> bool:
 def _state(answer: Answer | None, out: bool, model: Modelled | None) -> str:
     """Return the state of a mismatch that is there.
 
-    What no known effect explains is modelled where a smooth change predicts the readings held out; beside an effect that is
-    sure it is that effect in a form of its own, or something more. Where the change is that of a cause which is sure, that
-    cause has a name, and its form is free. An effect that is sure is identified although something
-    may be there beside it, as long as no more than noise is left.
+    Identified is an effect, or effects of one line, or a cause with a free form, as probable as a claim has to be. A
+    discrepancy without a known cause is unexplained, modelled or not, unless a sure effect stands beside it.
     """
-    if answer is None or out:
-        return "unexplained" if model is None else "form_free" if model.sure else "modelled"
-    adequate = answer.adequacy.p > LEFT_P
-    if model is not None:
-        return "form_free" if model.beside or model.sure else "modelled"
-    if answer.sure and adequate:
+    if model is not None and model.sure:
         return "identified"
-    if not adequate:
+    if answer is None or out:
         return "unexplained"
-    return "ambiguous" if any(group.probability >= LIKELY for group in answer.groups) else "inconclusive"
+    adequate = answer.adequacy.p > LEFT_P or (model is not None and model.beside)
+    if answer.sure and adequate and (model is None or model.beside):
+        return "identified"
+    if model is not None or not adequate or answer.posterior.holding([UNKNOWN]) > LIKELY:
+        return "unexplained"
+    leading = max(answer.groups, key=lambda group: group.set_probability)
+    return "ambiguous" if len(leading.names) <= MOST_EFFECTS else "inconclusive"

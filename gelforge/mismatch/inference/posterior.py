@@ -17,8 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, WORTH, log_prior, normalised
-from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.evidence.identifiability import ALIKE, cosines
+from gelforge.mismatch.evidence.identifiability import indistinguishable
 from gelforge.mismatch.evidence.screen import Screened, judged_by
 from gelforge.mismatch.inference.linear import Linear, scales_of
 from gelforge.mismatch.terms.problem import Problem
@@ -30,7 +29,7 @@ REACH = 12.0  # log weight behind the best, within which a set is judged with th
 MOST_BELIEVED = 50
 BEAM = 30  # pairs that a third effect is tried beside
 BESIDE = 6  # best sets beside which a discrepancy is weighed
-MOST_TWINS = 3  # members of a class
+CREDIBLE = 0.95  # of an effect's probability, which its credible set holds
 
 Effects = frozenset[str]
 
@@ -44,9 +43,7 @@ class Posterior:
     evidence: Mapping[Effects, float]  # log, against nothing; with UNKNOWN beside some
     unknown: Mapping[Effects, Weighed]  # beside what
     known: int  # effects that the readings can show
-    twins: Mapping[
-        str, Effects
-    ]  # those whose changes alone cannot be distinguished from its own, itself included
+    lines: Mapping[str, Effects]  # by effect: those with the same sensitivities, itself included
 
     @cached_property
     def probability(self) -> dict[Effects, float]:
@@ -104,9 +101,22 @@ class Posterior:
     def _is(effects: Effects, forms: Iterable[str]) -> bool:
         return UNKNOWN not in effects and bool(effects & set(forms))
 
-    def classes(self, effects: Effects) -> frozenset[Effects]:
-        """Return the classes of a set's effects."""
-        return frozenset(self.twins.get(name, frozenset({name})) for name in effects)
+    def lines_of(self, effects: Effects) -> frozenset[Effects]:
+        """Return the lines of a set's effects."""
+        return frozenset(self.lines.get(name, frozenset({name})) for name in effects)
+
+    def credible_set(self, name: str, others: Iterable[str]) -> list[str]:
+        """Return the smallest set of effects, `name` first, that holds CREDIBLE of its probability; the likeliest first.
+
+        others: effects that act together with it, which cannot stand in its place. Effects are added one by one, always
+        the one that adds most.
+        """
+        rest = [one for one in self.singles if one != name and one not in set(others)]
+        wanted, found = CREDIBLE * self.holding([name, *rest]), [name]
+        while rest and self.holding(found) < wanted:
+            found.append(max(rest, key=lambda one: self.holding([*found, one])))
+            rest.remove(found[-1])
+        return [name, *sorted(found[1:], key=lambda one: -self.holding([one]))]
 
     def with_evidence(self, evidence: Mapping[Effects, float]) -> Posterior:
         """Return the posterior with other evidence for some sets."""
@@ -126,8 +136,8 @@ def posterior_of(problem: Problem, manners: Sequence[Manner]) -> Posterior:
         sets = _believed(problem, number, scale, tables, len(singles))
         progress.advance(note="errors of their changes")
         evidence = {effects: one.log_bayes_factor for effects, one in sets.items()}
-        twins = twins_of(problem.covariance, singles)
-        found = with_unknown(problem, Posterior(sets, singles, evidence, {}, len(singles), twins), manners)
+        lines = indistinguishable(problem.covariance, {name: one.parts[-1] for name, one in singles.items()})
+        found = with_unknown(problem, Posterior(sets, singles, evidence, {}, len(singles), lines), manners)
         progress.advance(note="a discrepancy beside them")
     return found
 
@@ -145,25 +155,6 @@ def with_unknown(problem: Problem, posterior: Posterior, manners: Sequence[Manne
         for effects, found in unknown.items()
     }
     return replace(posterior, unknown=unknown).with_evidence(more)
-
-
-def twins_of(covariance: Covariance, singles: Mapping[str, Screened]) -> dict[str, Effects]:
-    """Return for each effect those whose fitted changes these readings cannot distinguish from its own (|cos| above ALIKE).
-
-    MOST_TWINS with itself at most, the likeliest; what is refuted by the size that its change has, REACH behind, is none.
-    """
-    names = [*singles]
-    if not names:
-        return {}
-    cos = np.abs(cosines(covariance.whiten(np.column_stack([one.change for one in singles.values()]))))
-    evidence = np.array([one.log_bayes_factor for one in singles.values()])
-    found = {}
-    for k, name in enumerate(names):
-        near = (cos[k] > ALIKE) & (evidence > evidence[k] - REACH)
-        near[k] = False
-        likeliest = np.flatnonzero(near)[np.argsort(-evidence[near], kind="stable")][: MOST_TWINS - 1]
-        found[name] = frozenset({name, *(names[j] for j in likeliest)})
-    return found
 
 
 def _tables(problem: Problem, linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
@@ -230,7 +221,7 @@ def _by_effects(
 def _believed(
     problem: Problem, number: np.ndarray, scale: np.ndarray, tables: list, known: int
 ) -> dict[Effects, Screened]:
-    """Return the sets within REACH of the best, with images their parts too, judged with errors of their changes."""
+    """Return the sets within REACH of the best, and their parts, judged with errors of their changes."""
     covariance, every = problem.covariance, np.ones(len(problem.labels), bool)
     r = covariance.whiten(problem.residual)
 
@@ -239,10 +230,9 @@ def _believed(
 
     ranked = sorted(tables, key=lambda one: -weight(one))
     near = [one for one in ranked[:MOST_BELIEVED] if weight(one) >= weight(ranked[0]) - REACH]
-    if problem.flow is not None:
-        # Its changes err so much that a part of such a set may be as good as all of it.
-        reached = {one[0] for one in near}
-        near += [one for one in ranked if one[0] not in reached and any(one[0] < other for other in reached)]
+    # The largest effect of a set is fitted alone before the set is (fits.py).
+    reached = {one[0] for one in near}
+    near += [one for one in ranked if one[0] not in reached and any(one[0] < other for other in reached)]
     white: dict[int, np.ndarray] = {}
     found = {}
     for effects, average, _, choice in near:

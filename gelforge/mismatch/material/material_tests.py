@@ -122,7 +122,7 @@ def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
         adequacy = v.Adequacy(p=left[0].p, scan_p=left[1].p, remains=pattern_words(left[1].best))
     further = steps[-1].unconfirmed if accepted else []
     state = _state(differs, groups, effects, fit, adequacy, limits, further)
-    answer = [] if state in v.WITHOUT_ANSWER else groups
+    answer = [] if state in ("consistent", "inconclusive") else groups
     nothing = steps[0].probabilities(test.no_signature)["null"] if steps[0].tried else 1.0
     after = final.prediction if answer and final else None
     unit = "MPa" if test.at_unit == "stretch" else "N"
@@ -175,7 +175,8 @@ def _state(differs, groups, effects, fit: v.Fit, adequacy, limits, further) -> v
     )
     if not sound:
         return "unexplained"
-    return "identified" if all(len(g.members) == 1 or g.odds >= LEAST_ODDS for g in groups) else "ambiguous"
+    leading = [g.shares[g.members[0]] for g in groups]
+    return "identified" if min(leading) >= LEAST_ODDS / (1 + LEAST_ODDS) else "ambiguous"
 
 
 def write_judged(folder: Path, judged: Judged) -> None:

@@ -68,12 +68,11 @@ def group_entry(readings: Readings, s: Step, no_signature) -> v.Group:
     cosines = {n: abs(cosine(readings, change(winner), change(n))) for n in rivals}
     same = sorted((n for n in rivals if cosines[n] > SAME_CHANGE), key=lambda n: -s.tried[n])
     members = [winner, *same]
-    odds = float(np.exp(min(s.tried[winner] - s.tried[same[0]], 700.0))) if same else None
+    weights = np.exp([s.tried[n] - s.tried[winner] for n in members])
     return v.Group(
         members=members,
         probability=min(1.0, sum(probability[n] for n in members)),
-        odds=odds,
-        cosine=max(cosines[n] for n in same) if same else None,
+        shares=dict(zip(members, (weights / weights.sum()).tolist())),
         decided_by=DECIDED_BY[same[0]] if same else "",
     )
 
@@ -203,7 +202,7 @@ def experiment_entries(state, answer: list[v.Group], limits, further) -> list[v.
     if state == "unexplained" and not asked:
         names = [*further, *(g.members[0] for g in answer)]
         asked = [(DECIDED_BY[n], [n]) for n in names]
-    if state in v.WITHOUT_ANSWER:
+    if state in ("consistent", "inconclusive"):
         asked = [(DECIDED_BY[x.effect], [x.effect]) for x in limits if not x.seen]
     return [v.Experiment(words=words, separates=list(names)) for words, names in asked[:3]]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 from gelforge.config import ConfigError, Session, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
-from gelforge.mismatch.effects import with_taken
+from gelforge.mismatch.effects import CATALOGUE, with_taken
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.evidence.spread import spread_out
@@ -35,10 +35,11 @@ from gelforge.mismatch.result.verdict_tables import (
     write_body_map,
     write_correction,
     write_flow,
+    write_limits,
     write_module,
     write_readings,
 )
-from gelforge.mismatch.summary.findings import readings_table, taken_over, verdict_of, versions
+from gelforge.mismatch.summary.findings import limits_of, readings_table, taken_over, verdict_of, versions
 from gelforge.mismatch.summary.flow_section import after_of, flow_section, flow_table
 from gelforge.mismatch.summary.model_section import correction_table
 from gelforge.mismatch.terms.body_map import BOX, body_map
@@ -52,6 +53,7 @@ IMAGES_LEFT_OUT = (
     "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
     " which takes longer and distinguishes gel stiffness from force gain"
 )
+UNMOVED = ("force sensor", "analyst")  # families of effects that do not move the gel
 NUMBER = r"\d+(?:\.\d+)?"
 SOLUTIONS = "solves"  # folder of what is solved on the way, in the verdict's own
 
@@ -118,12 +120,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     recordings = read_all(sessions, study.sensor)
     observations, synthetic = observations_of(recordings, study)
     forces, base = problem_of(solver, observations)
-    joint = forces
-    if study.mismatch.images != "left_out":
-        stage("images, and the motion of the gel at their indentations")
-        joint = with_flow(solver, base, forces, recordings)
-    problem = joint if study.mismatch.images == "fitted" else forces
-    judgement = judge(problem, study.mismatch, study.seed)
+    problem, joint, judgement = judged_with_images(solver, base, forces, recordings)
     in_newtons, after = force_part(problem, judgement), after_of(joint, judgement)
     verdict = verdict_of(
         problem,
@@ -136,6 +133,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     )
     stage("experiments that would distinguish effects")
     verdict = with_experiments(verdict, forces, base.context)
+    verdict = verdict.model_copy(update={"detection_limits": limits_of(forces)})
     stage("tables")
     write_results(out, verdict, in_newtons)
     write_flow(out, flow_table(joint, after))
@@ -143,6 +141,56 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     if taken_over(judgement):
         write_patch(out, study, problem, judgement)
     return verdict
+
+
+def judged_with_images(
+    solver: Solver, base: Base, forces: Problem, recordings: Sequence[Recording]
+) -> tuple[Problem, Problem, Judgement]:
+    """Return the problem that was judged, the one with images (itself where there are none), and the judgement."""
+    settings, seed = solver.study.mismatch, solver.study.seed
+
+    def with_images(problem: Problem) -> Problem:
+        stage("images, and the motion of the gel at their indentations")
+        return with_flow(solver, base, problem, recordings)
+
+    if settings.images == "fitted":
+        joint = with_images(forces)
+        return joint, joint, judge(joint, settings, seed)
+    judgement = judge(forces, settings, seed)
+    if settings.images == "predicted":
+        return forces, with_images(forces), judgement
+    left = told_apart_by_images(judgement) if settings.images == "auto" else set()
+    joint = with_images(of_effects(forces, left)) if left else forces
+    if joint.flow is None:
+        told = replace(forces, observations=joint.observations)
+        return told, told, judgement
+    return joint, joint, judge(joint, settings, seed)
+
+
+def told_apart_by_images(judgement: Judgement) -> set[str]:
+    """Return the effects among which forces leave a choice that images can make: some move the gel otherwise than others.
+
+    The force sensor's errors move nothing, and the stiffness of all layers as good as nothing: forces scale with it.
+    """
+    if judgement.answer is None:
+        return set()
+    left: set[str] = set()
+    for group in judgement.answer.groups:
+        moving = [
+            name for name in group.names if CATALOGUE[name].family not in UNMOVED and name != "body_stiffness"
+        ]
+        if len(group.names) > 1 and moving:
+            left |= {*group.names}
+    return left and left | {part.name for part in judgement.answer.fit.parts}
+
+
+def of_effects(problem: Problem, names: Collection[str]) -> Problem:
+    """Return the problem with some effects alone."""
+    return replace(
+        problem,
+        candidates=[one for one in problem.candidates if one.name in names],
+        effects={name: effect for name, effect in problem.effects.items() if name in names},
+    )
 
 
 def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement) -> None:
@@ -161,6 +209,7 @@ def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgem
     """Write verdict.json and its tables; in_newtons: problem and judgement of the forces alone."""
     out.mkdir(parents=True, exist_ok=True)
     write_verdict(out, verdict)
+    write_limits(out, verdict.detection_limits)
     write_readings(out, readings_table(*in_newtons))
     write_correction(out, correction_table(in_newtons[0], in_newtons[1].model))
     write_module(out, None if in_newtons[1].model is None else in_newtons[1].model.map())

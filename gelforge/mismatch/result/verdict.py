@@ -14,13 +14,13 @@ from gelforge.config import Name, NonNegative, Positive, Section
 from gelforge.files import read_product_json, write_product_json
 from gelforge.mismatch.model.effect import FAMILIES
 
-FORMAT: Final = "gelforge-verdict-2"
+FORMAT: Final = "gelforge-verdict-3"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
 
 # Of the global test, of the scan, of a discrepancy and of the known effects each: any is an alarm, so at most four in
 # a hundred recordings, or materials, of which nothing is missing give a false one.
 ALARM_P = 0.01
-SURE = 0.9  # probability of a group of effects from which it is identified
+SURE = 0.9  # probability of an effect, or of effects of one line, from which it is identified
 # Of what an answer leaves, each of its two tests. Below the first what is left is reported. Below the second nothing is
 # identified: right answers come below 0.01 in two of a hundred by chance alone, and effects outside the catalogue that come
 # below it do so by far (docs/mismatch-method.md).
@@ -31,18 +31,10 @@ LEFT_P = 0.002
 # two in 2.3 % at most (normal noise).
 HELD_OUT_ERRORS = 2.0
 HELD_OUT_ODDS = 100.0
+# Of the difference between two predictions of all readings: below it these readings do not show which one is true.
+SAME_READINGS_SNR = 2.0
 
-State = Literal[
-    "consistent",
-    "identified",
-    "form_free",
-    "modelled",
-    "ambiguous",
-    "inconclusive",
-    "unexplained",
-]
-IDENTIFIED = ("identified", "form_free")  # the missing physics has a name
-WITHOUT_ANSWER = ("consistent", "inconclusive")
+State = Literal["consistent", "identified", "ambiguous", "inconclusive", "unexplained"]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Interval = tuple[float, float]
 ThreeAxes = Annotated[list[float | None], Field(min_length=3, max_length=3)]
@@ -130,28 +122,38 @@ class Unknown(Section):
 
 
 class Group(Section):
-    """Part of the answer: effects that these readings cannot distinguish, of which one is there, or else another one."""
+    """One acting effect: the smallest set of effects that holds 0.95 of its probability."""
 
-    members: list[Name] = Field(min_length=1, description="Effects, the most probable first")
-    probability: Probability = Field(
-        description="Probability that one of them, or of `or_else`, is there [-]"
+    members: list[Name] = Field(
+        min_length=1,
+        description="The leading effect, then those of its line: of the same sensitivities, whatever is read",
     )
-    or_else: list[Name] = Field(
-        [],
-        description="Effects of another pattern, one of which may be there instead of the members, the most probable first",
+    probability: Probability = Field(description="Probability that one of the members is there [-]")
+    alternatives: list[Name] = Field(
+        [], description="Other effects of the set, with other sensitivities, the most probable first"
     )
-    odds: Positive | None = Field(
-        None, description="Of the first member over all others together [-]; empty for a single member"
+    set_probability: Probability | None = Field(
+        None, description="Probability that an effect of the set is there [-]; empty: as `probability`"
     )
-    cosine: float | None = Field(
-        None, ge=-1, le=1, description="Of the whitened changes, the largest between members [-]"
+    shares: dict[str, Probability] = Field(
+        {}, description="Share of each effect in the set's probability; they add up to 1 [-]"
     )
+    differs_N: NonNegative | None = Field(
+        None,
+        description="Largest difference of the readings that effects of the set predict, root mean square [N]",
+    )
+    differs_snr: NonNegative | None = Field(None, description="The same, signal over noise [-]")
     decided_by: str = Field("", description="The experiment that distinguishes them")
 
     @property
     def names(self) -> list[str]:
-        """Return all effects that it may be."""
-        return [*self.members, *self.or_else]
+        """Return the credible set."""
+        return [*self.members, *self.alternatives]
+
+    @property
+    def one_patch(self) -> bool:
+        """Return whether it does not matter which effect of the set is put into the study: all predict the same."""
+        return self.differs_snr is not None and self.differs_snr < SAME_READINGS_SNR
 
 
 class Score(Section):
@@ -381,7 +383,7 @@ class Provenance(Section):
 class Verdict(Section):
     """The verdict on one recording of a study."""
 
-    format: Literal["gelforge-verdict-2"] = Field(FORMAT, description="Of this file")
+    format: Literal["gelforge-verdict-3"] = Field(FORMAT, description="Of this file")
     title: str = Field(description="What was judged, a few words")
     synthetic: bool = Field(
         description="Readings come from a virtual lab or another solver, not from a sensor"
@@ -412,14 +414,31 @@ class Verdict(Section):
     def __repr__(self) -> str:
         groups = (f"  {group.probability:.3g}: {' or '.join(group.names)}" for group in self.answer)
         synthetic = " (SYNTHETIC)" if self.synthetic else ""
-        return "\n".join([f"Verdict on {self.title}{synthetic}: {self.state}", f"  {self.sentence}", *groups])
+        lines = [f"Verdict on {self.title}{synthetic}: {self.state}", f"  {self.sentence}", *groups]
+        return "\n".join([*lines, f"  Next: {self.next_step}"])
 
     __str__ = __repr__
 
     @property
     def identified(self) -> bool:
         """Return whether the missing physics has a name."""
-        return self.state in IDENTIFIED
+        return self.state == "identified"
+
+    @property
+    def next_step(self) -> str:
+        """Return what to do next, in one line."""
+        if self.state == "consistent":
+            return "Use the labels as they are."
+        if self.model is not None and self.model.corrects_labels and not self.identified:
+            return "Correct simulated forces by correction.csv within its depths and positions."
+        if self.next_experiments and not self.identified:
+            best = self.next_experiments[0]
+            return f"To distinguish {' and '.join(best.separates).replace('_', ' ')}: {best.words}."
+        if self.state == "unexplained":
+            return "Check the setup where the readings differ most; the map below shows where."
+        if not self.answer and self.state == "inconclusive":
+            return "Record what `gelforge mismatch plan` proposes."
+        return f"Merge {PATCH} into the study and run it again."
 
     @property
     def sure(self) -> list[Group]:
@@ -428,7 +447,7 @@ class Verdict(Section):
 
     @property
     def _free_cause(self) -> bool:
-        return self.state == "form_free" and self.model is not None and self.model.sure
+        return self.model is not None and self.model.sure
 
     @model_validator(mode="after")
     def _consistent(self) -> Verdict:
@@ -445,9 +464,9 @@ class Verdict(Section):
             return (
                 f"answer names {unknown}, which are not among the effects; list every effect that was tried"
             )
-        if self.state in (*IDENTIFIED, "ambiguous") and not self.answer and not self._free_cause:
+        if self.state in ("identified", "ambiguous") and not self.answer and not self._free_cause:
             return f"state {self.state} without an answer; give its groups"
-        if self.state in WITHOUT_ANSWER and self.answer:
+        if self.state == "consistent" and self.answer:
             return (
                 f"state {self.state} with the answer {[g.names for g in self.answer]}; leave the answer out"
             )
@@ -460,11 +479,11 @@ class Verdict(Section):
         effects = {effect.name: effect for effect in self.effects}
         if not self.sure and not self._free_cause:
             most = max(group.probability for group in self.answer)
-            return f"{self.state}, but no group has a probability of {SURE:g}, the largest is {most:g}: ambiguous"
+            return f"identified, but no line of effects has a probability of {SURE:g}, the largest is {most:g}: ambiguous"
         for group in self.sure:
             if not effects[group.members[0]].in_range:
-                return f"{self.state}, but {group.members[0]} is outside its physical range or on its bounds: unexplained"
-        if self.state == "identified" and (self.adequacy is None or not self.adequacy.passed):
+                return f"identified, but {group.members[0]} is outside its physical range or on its bounds: unexplained"
+        if self.model is None and (self.adequacy is None or not self.adequacy.passed):
             return (
                 f"identified, but what remains is not noise (adequacy p > {LEFT_P:g} is needed): unexplained"
             )

@@ -5,20 +5,22 @@ body_map.csv    where in the body the modulus would have to change, before any e
 module.csv      the map of a cause with a free form, and its standard deviation
 correction.csv  what is modelled without a value of a known effect: by how much simulated forces change, by place and depth
 flow.csv        one row per indentation with images and region of the image: measured, base, after
+detection_limits.csv  the smallest value of each effect that these readings would show
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from gelforge.csv_table import read_csv
-from gelforge.files import check_seal, without_seal, write_product_table
-from gelforge.mismatch.result.verdict import VerdictError
+from gelforge.files import check_seal, without_seal, write_product_table, write_text
+from gelforge.mismatch.result.verdict import DetectionLimit, VerdictError
 
 READINGS, BODY_MAP, FLOW, CORRECTION = "readings.csv", "body_map.csv", "flow.csv", "correction.csv"
-MODULE = "module.csv"
+MODULE, LIMITS = "module.csv", "detection_limits.csv"
 
 READINGS_NUMBERS = ["x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"]
 # Empty: no times known, nothing put into the base
@@ -93,6 +95,13 @@ def write_module(folder: str | Path, table: pd.DataFrame | None) -> None:
     else:
         own = [name for name in MODULE_OF if name in table]
         _write_table(path, table, ["quantity", *own, "unit", "mean", "sigma"], [])
+
+
+def write_limits(folder: str | Path, limits: Sequence[DetectionLimit]) -> None:
+    """Write detection_limits.csv: effect, parameter, unit; smallest value that would be detected, a plausible one [unit]."""
+    columns = ["effect", "parameter", "unit", "amount", "plausible"]
+    rows = pd.DataFrame([limit.model_dump() for limit in limits], columns=columns)
+    write_text(Path(folder) / LIMITS, rows.to_csv(index=False, float_format="%.3g"))
 
 
 def read_flow(folder: str | Path) -> pd.DataFrame | None:

@@ -40,7 +40,7 @@ class Found:
 
 def group_entries(problem: Problem, judgement: Judgement) -> list[form.Group]:
     """Return the groups that a verdict reports, the most probable first; none where it has no answer."""
-    if judgement.answer is None or judgement.state in form.WITHOUT_ANSWER:
+    if judgement.answer is None:
         return []
     if judgement.model is not None and judgement.model.sure and not judgement.model.beside:
         return []  # effects that are not sure were fitted without the cause that is
@@ -49,15 +49,16 @@ def group_entries(problem: Problem, judgement: Judgement) -> list[form.Group]:
 
 
 def _group(problem: Problem, group: Group) -> form.Group:
-    cosines = [abs(c) for name, c in group.cosines.items() if name != group.members[0]]
-    alone = len(group.members) + len(group.or_else) == 1
+    several = len(group.names) > 1
     return form.Group(
         members=list(group.members),
-        or_else=list(group.or_else),
         probability=group.probability,
-        odds=min(group.odds, 1e12) if len(group.members) > 1 else None,
-        cosine=min(max(cosines), 1.0) if cosines else None,
-        decided_by="" if alone else problem.effects[group.members[0]].separated_by,
+        alternatives=list(group.alternatives),
+        set_probability=group.set_probability,
+        shares=dict(group.shares),
+        differs_N=group.differs_N if several else None,
+        differs_snr=group.differs_snr if several else None,
+        decided_by=problem.effects[group.members[0]].separated_by if several else "",
     )
 
 
@@ -84,7 +85,7 @@ def effect_entries(problem: Problem, judgement: Judgement) -> list[form.NamedEff
     found = {name: _alone(judgement, name) for name in posterior.singles}
     if answer is not None:
         for group in answer.groups:
-            for name in (*group.members[1:], *group.or_else):
+            for name in group.names[1:]:
                 found[name] = _in_place_of(judgement, group.members[0], name) or found[name]
         found |= {one.part.name: one for one in _fitted(answer)}
     reported = [

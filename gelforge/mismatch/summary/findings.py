@@ -74,7 +74,7 @@ def verdict_of(
         fit=_fit(*in_newtons).model_copy(update={"flow": flow}),
         adequacy=None if answer is None else _adequacy(judgement),
         model=model_section(*in_newtons),
-        detection_limits=_limits(problem, judgement),
+        detection_limits=limits_of(problem),
         noise=_noise(in_newtons[0], noise_cases),
         next_experiments=experiments_in_words(groups),
         cannot_know=[
@@ -220,7 +220,8 @@ def _adequacy(judgement: Judgement) -> form.Adequacy:
     return form.Adequacy(p=adequacy.test.p, scan_p=adequacy.scan.p, remains=plain(adequacy.scan.best))
 
 
-def _limits(problem: Problem, judgement: Judgement) -> list[form.DetectionLimit]:
+def limits_of(problem: Problem) -> list[form.DetectionLimit]:
+    """Return the smallest value of each effect that the readings would show."""
     found = []
     for limit in detection_limits(problem.covariance, problem.physics):
         parameter = problem.effects[limit.name].parameters[limit.parameter]
@@ -297,5 +298,5 @@ def versions() -> dict[str, str]:
 
 
 def taken_over(judgement: Judgement) -> bool:
-    """Return whether the answer may be put into the study."""
-    return judgement.state in form.IDENTIFIED and not judgement.out_of_range
+    """Return whether the leading explanation may be put into the study: it has physical values and leaves only noise."""
+    return judgement.state in ("identified", "ambiguous", "inconclusive") and judgement.explained

@@ -64,6 +64,14 @@ class Problem:
         return self.observations.labels()
 
     @property
+    def of_force(self) -> np.ndarray:
+        """Return which of the n entries are forces; the others are the flow of images [px]."""
+        labels = self.labels
+        return (
+            (labels["channel"] == "force").to_numpy() if "channel" in labels else np.ones(len(labels), bool)
+        )
+
+    @property
     def residual(self) -> np.ndarray:
         """Return measured less base (n,)."""
         return self.observations.flat(self.observations.force - self.base)

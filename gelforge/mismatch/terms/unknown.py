@@ -204,7 +204,7 @@ class Span:
 def manners_of(problem: Problem) -> list[Manner]:
     """Return the manners in which these readings may differ, physics with a free form among them; flow is not."""
     labels = problem.labels
-    flow = (labels["channel"] != "force").to_numpy() if "channel" in labels else np.zeros(len(labels), bool)
+    flow = ~problem.of_force
     own = np.where(flow, 0.0, problem.observations.flat(problem.base))
     pressing = np.where(flow, 0.0, np.abs(problem.base[labels["reading"], 2]))
     press = np.where(flow, -1, np.unique(labels["press"], return_inverse=True)[1].ravel())

@@ -6,7 +6,7 @@ from math import log
 
 import pandas as pd
 
-from gelforge.mismatch.result.verdict import HELD_OUT_ODDS, Experiment, Group, HeldOut, Model, Score
+from gelforge.mismatch.result.verdict import HELD_OUT_ODDS, Experiment, HeldOut, Model, Score
 from gelforge.report.chapters.chapter import Chapter
 from gelforge.report.verdict.mismatch_curves import held_out_figure, profile_figure
 from gelforge.report.verdict.mismatch_maps import chance_text, pretty
@@ -135,19 +135,12 @@ def _score_row(name: str, score: Score) -> dict:
 
 
 def undecided(results: MismatchResults) -> Chapter:
-    """Return what could not be distinguished, and the experiment that would decide."""
-    chapter, verdict = (
-        Chapter("undecided", "What could not be distinguished, and what would"),
-        results.verdict,
-    )
-    several = [group for group in verdict.answer if len(group.names) > 1]
-    for group in several:
-        would = f" What would decide: {group.decided_by.rstrip('.')}." if group.decided_by else ""
-        chapter.say(f"{_undecided(group)}.{would}")
-    if verdict.answer and not several:
-        chapter.say("Nothing else that was tried changes these readings in the same way as the answer.")
-    if verdict.state in ("unexplained", "modelled"):
-        chapter.say("No known effect explains what remains, so there is nothing to distinguish.")
+    """Return the experiments that would distinguish what these readings cannot."""
+    chapter, verdict = Chapter("undecided", "What to record next"), results.verdict
+    for group in verdict.answer:
+        if group.decided_by:
+            names = ", ".join(map(pretty, group.names))
+            chapter.say(f"{names}: {group.decided_by.rstrip('.')}.")
     if verdict.next_experiments:
         chapter.tabulate(
             "What to record next; first what is expected to decide, where its cost and odds are known.",
@@ -156,19 +149,6 @@ def undecided(results: MismatchResults) -> Chapter:
     else:
         chapter.say("No further experiment is proposed.")
     return chapter
-
-
-def _undecided(group: Group) -> str:
-    """Return what of a group could not be distinguished, and what else it may be."""
-    first, *twins = map(pretty, group.members)
-    said = []
-    if twins:
-        alike = f" (their changes have a cosine of {group.cosine:.4f})" if group.cosine is not None else ""
-        said.append(f"These readings cannot distinguish {', '.join([first, *twins])}{alike}")
-    if group.or_else:
-        others = " or ".join(map(pretty, group.or_else))
-        said.append(f"In place of {first} it may be {others}, of another pattern")
-    return ". ".join(said)
 
 
 def _experiment_row(experiment: Experiment) -> dict:

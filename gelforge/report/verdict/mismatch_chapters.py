@@ -6,7 +6,8 @@ import os
 
 import pandas as pd
 
-from gelforge.mismatch.result.verdict import PAGE, SURE, VERDICT, Group, HeldOut, Noise, Verdict, VerdictError
+from gelforge.mismatch.result.verdict import PAGE, VERDICT, Group, HeldOut, Noise, Verdict, VerdictError
+from gelforge.mismatch.result.verdict_tables import LIMITS
 from gelforge.report.chapters.chapter import Chapter, Facts, Link
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.verdict.mismatch_answer import ranking, set_aside, undecided
@@ -14,9 +15,30 @@ from gelforge.report.verdict.mismatch_curves import noise_figure
 from gelforge.report.verdict.mismatch_maps import chance_text, headline_figure, pretty
 from gelforge.report.verdict.mismatch_pattern import over_depth, over_time, through_body, where
 from gelforge.report.verdict.mismatch_reader import MismatchResults, rms
-from gelforge.report.verdict.mismatch_words import STATE_MEANS, amounts_text, group_text, number, p_text
+from gelforge.report.verdict.mismatch_words import (
+    STATE_MEANS,
+    amounts_text,
+    filled,
+    number,
+    p_text,
+    unbroken,
+)
 
 FOLDER = "mismatch"  # of a study's verdict, in its results folder
+MOST_LIMITS = 10  # values in the table of the page
+# What a laboratory asks for first: materials, contact point, force sensor, geometry.
+SHOWN_FIRST = (
+    *("gel_stiffness", "skin_stiffness", "friction", "contact_zero", "layer_thickness", "force_gain"),
+    *(
+        "indenter_radius",
+        "frame_compliance",
+        "viscoelastic",
+        "elastic_base",
+        "tilt",
+        "adhesion",
+        "clock_offset",
+    ),
+)
 
 
 def in_short(results: MismatchResults) -> Chapter:
@@ -29,18 +51,15 @@ def in_short(results: MismatchResults) -> Chapter:
     if not results.has_after:
         words += " There is one map only: nothing was put into the simulation."
     chapter.show(words, headline_figure(results))
-    facts = [("What that means", STATE_MEANS[verdict.state])]
-    for group in verdict.answer:
-        odds = f", odds {group.odds:.3g} : 1 for the first" if group.odds else ""
-        facts.append(
-            (
-                _label(verdict, group),
-                f"{group_text(group)} (probability {chance_text(group.probability)}{odds})",
-            )
+    if verdict.answer:
+        chapter.tabulate(
+            "What may be missing. Of each set one effect is there; sets hold 95 % of the probability. Effects of one line"
+            " have the same sensitivities: only another experiment distinguishes them.",
+            filled([row for group in verdict.answer for row in _rows(verdict, group)]),
         )
-        first = next(effect for effect in verdict.effects if effect.name == group.members[0])
-        facts += [("Value", f"{pretty(first.name)}: {amounts_text(first)}")] if first.amounts else []
-    if verdict.unknown is not None and verdict.state in ("unexplained", "modelled"):
+        chapter.say(" ".join(filter(None, (_interchange(group) for group in verdict.answer))))
+    facts = [("What that means", STATE_MEANS[verdict.state]), ("Next", verdict.next_step)]
+    if verdict.unknown is not None and verdict.state == "unexplained":
         reported = (
             f"{chance_text(verdict.unknown.probability)} probable; it would change {verdict.unknown.words}"
         )
@@ -65,11 +84,30 @@ def in_short(results: MismatchResults) -> Chapter:
     return chapter
 
 
-def _label(verdict: Verdict, group: Group) -> str:
-    """Return what a group of the answer is."""
-    if not verdict.identified:
-        return "Possible" if verdict.state == "ambiguous" else "The best of the known"
-    return "Missing" if group.probability >= SURE else "Perhaps also"
+def _rows(verdict: Verdict, group: Group) -> list[dict]:
+    """Return a row for each effect of a credible set."""
+    effects = {effect.name: effect for effect in verdict.effects}
+    chance = group.probability if group.set_probability is None else group.set_probability
+    return [
+        {
+            "probability of the set": chance_text(chance) if name == group.names[0] else "",
+            "effect": unbroken(pretty(name)),
+            "share": chance_text(group.shares.get(name, 1.0)),
+            "line": "same as the first" if name in group.members[1:] else "",
+            "value (90 % interval)": unbroken(amounts_text(effects[name])),
+        }
+        for name in group.names
+    ]
+
+
+def _interchange(group: Group) -> str:
+    """Return whether it matters which effect of a set is put into the study; nothing of a single one."""
+    if group.differs_N is None or group.differs_snr is None or len(group.names) == 1:
+        return ""
+    size = f"by {group.differs_N:.2g} N rms at most (signal over noise {group.differs_snr:.2g})"
+    if group.one_patch:
+        return f"Effects of the set of {pretty(group.members[0])} predict the same readings, {size}: one patch serves."
+    return f"Effects of the set of {pretty(group.members[0])} predict readings that differ {size}."
 
 
 def _before_after(block: HeldOut, axis: str) -> str:
@@ -115,27 +153,33 @@ def limits(results: MismatchResults) -> Chapter:
     for sentence in verdict.cannot_know:
         chapter.say(sentence)
     if verdict.detection_limits:
-        found = sorted(verdict.detection_limits, key=lambda limit: limit.seen)
+        found = verdict.detection_limits
         hidden = sum(not limit.seen for limit in found)
+        first = sorted(found, key=lambda limit: [*SHOWN_FIRST, limit.effect].index(limit.effect))
         rows = [
             {
                 "effect": pretty(limit.effect),
                 "parameter": pretty(limit.parameter),
-                "unit": limit.unit,
-                "smallest detectable": number(limit.amount),
-                "plausible": limit.plausible,
-                "detectable": limit.seen,
+                "smallest detectable": _in_unit(limit.amount, limit.unit),
+                "plausible": _in_unit(limit.plausible, limit.unit),
             }
-            for limit in found
+            for limit in first[:MOST_LIMITS]
         ]
         chapter.tabulate(
-            f"The smallest value that these readings would show, and a plausible one: {hidden} of {len(found)} would"
-            " stay hidden.",
+            f"The smallest value that these readings would show, and a plausible one. Of {len(found)} values {hidden} would"
+            f" stay hidden; {LIMITS} has all.",
             pd.DataFrame(rows),
         )
     if not chapter.blocks:
         chapter.say("Nothing is known to be out of reach.")
     return chapter
+
+
+def _in_unit(value: float | None, unit: str) -> str:
+    """Return a value with two digits and its unit; shares in per cent."""
+    if value is None:
+        return "none"
+    return f"{100 * value:.2g} %" if unit in ("1", "-") else f"{value:.2g} {unit}"
 
 
 def outliers(results: MismatchResults) -> Chapter:

@@ -7,37 +7,24 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.result.verdict import Amount, Group, NamedEffect, Unknown, Verdict
+from gelforge.mismatch.result.verdict import Amount, NamedEffect, Unknown, Verdict
 from gelforge.report.verdict.mismatch_maps import chance_text, pretty
 
 UNITS = ("_mm", "_s", "_deg")  # that end the keys of a shape
 STATES = {
     "consistent": "simulation and readings agree",
     "identified": "a known cause explains the difference",
-    "form_free": "a known cause explains the difference, its form was fitted",
-    "modelled": "the difference is modelled, its cause is unknown",
-    "ambiguous": "several causes are possible, none is sure",
+    "ambiguous": "several causes are possible",
     "inconclusive": "these readings cannot decide",
     "unexplained": "no known cause explains the difference",
 }
 STATE_MEANS = {
     "consistent": "Simulation and readings differ by no more than the errors that were allowed for.",
-    "identified": "One explanation is at least nine times as probable as all others together, and leaves nothing but noise."
-    " Effects that change these readings in the same way count as one.",
-    "form_free": "Which physics is missing is known; its dependence was fitted freely, as no known form of it suffices.",
-    "modelled": "The mismatch is real and no known effect explains it. A model of the difference predicts held-out readings;"
-    " it says nothing of the cause.",
-    "ambiguous": "The mismatch is real and narrowed down, but no explanation is as probable as a claim has to be.",
-    "inconclusive": "Plausible values of missing physics would not show in these readings, or not clearly enough.",
-    "unexplained": "The mismatch is real. What the catalogue knows does not explain all of it, and no name is given to the"
-    " rest.",
+    "identified": "A known cause, or causes with the same sensitivities, has a probability of 0.9 or more.",
+    "ambiguous": "The mismatch is real. At most eight causes hold 95 % of the probability, and none has 0.9.",
+    "inconclusive": "Plausible missing physics would not show in these readings, or too many causes are left.",
+    "unexplained": "The mismatch is real, and no known cause explains all of it.",
 }
-
-
-def group_text(group: Group) -> str:
-    """Return the effects of a group: members, then those of another pattern."""
-    names = " or ".join(pretty(name) for name in group.members)
-    return names + "".join(f", or else {pretty(name)}" for name in group.or_else)
 
 
 def answer_text(verdict: Verdict) -> str:
@@ -49,7 +36,8 @@ def answer_text(verdict: Verdict) -> str:
             f"{pretty(group.members[0])} {_amount_text(amount)}, 90 % interval"
             for amount in effects[group.members[0]].amounts
         ]
-        lines.append("; ".join([f"{group_text(group)}: {chance_text(group.probability)}", *values]))
+        chance = chance_text(group.set_probability or group.probability)
+        lines.append("; ".join([f"{' or '.join(map(pretty, group.names))}: {chance}", *values]))
     return "\n".join(lines)
 
 
