@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.compression import compressed
 from gelforge.mismatch.evidence.covariance import Covariance, Draws
+from gelforge.mismatch.evidence.gaussian import evidence
 from gelforge.mismatch.model.effect import Shape
 
 SCALES = (1.0, 0.3, 0.1)  # of plausible values: what is left out is known to be small, not how small
 # By which the form of an effect differs from the truth's, shares of its change, equally likely before the readings. Of
 # different models of one physics (validation/checks/form_errors.py) most lie between; softening lies beyond.
 FORM_ERRORS = (0.1, 0.2, 0.3)
-FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,48 +191,4 @@ def judged_by(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.nd
         change=plain @ amounts,
         snr=float(np.linalg.norm(J @ amounts)),
         plausible_snr=float(np.linalg.norm(J * np.where(on, 1.0, widths))),
-    )
-
-
-def evidence(
-    r: np.ndarray, J: np.ndarray, widths: np.ndarray, signs: np.ndarray
-) -> tuple[float, np.ndarray, np.ndarray]:
-    r"""Return the log Bayes factor of r = J a + e against r = e, and the posterior mean (p,) and covariance (p, p) of a.
-
-    e ~ N(0, I), a ~ N(0, diag(widths^2)), on the physical half lines only. Without signs
-
-    .. math:: \ln B = \tfrac12 b^T A^{-1} b - \tfrac12 \ln\det(W A W), \quad A = J^T J + W^{-2}, \; b = J^T r
-
-    and signs multiply by the posterior's share of the allowed orthant over the prior's, 2^-k. Exact without signs and
-    with one; with more the orthant is taken one side at a time, the posterior being kept normal between (Mendell & Elston
-    1974, doi:10.2307/2529136).
-    """
-    W = np.asarray(widths, dtype=float)
-    b = W * (J.T @ r)  # in units of the widths
-    B = np.eye(len(W)) + W[:, None] * (J.T @ J) * W
-    cov = np.linalg.inv(B)
-    cov = (cov + cov.T) / 2
-    mean = cov @ b
-    log_factor = 0.5 * b @ mean - 0.5 * np.linalg.slogdet(B)[1]
-    for i in np.flatnonzero(signs).tolist():
-        share, mean, cov = _half(mean, cov, i, signs[i])
-        log_factor += share + np.log(2)
-    return float(log_factor), W * mean, W[:, None] * cov * W
-
-
-def _half(mean: np.ndarray, cov: np.ndarray, i: int, sign: int) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the log probability that a normal vector has the sign at i, and its mean and covariance if it has."""
-    sd = np.sqrt(cov[i, i])
-    h = sign * mean[i] / sd
-    log_share = log_ndtr(h)
-    if h > FAR:
-        ratio = np.exp(-0.5 * h**2 - 0.5 * np.log(2 * np.pi) - log_share)  # phi(h) / Phi(h)
-        left = 1 - ratio * (h + ratio)  # of the variance
-    else:
-        ratio, left = -h - 1 / h, 1 / h**2
-    gain = cov[:, i] / cov[i, i]
-    return (
-        float(log_share),
-        mean + gain * sign * sd * ratio,
-        cov - np.outer(gain, gain) * cov[i, i] * (1 - left),
     )

@@ -19,7 +19,8 @@ from gelforge.config import ConfigError
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.alternatives import WORTH, normalised
 from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.evidence.screen import SCALES, evidence
+from gelforge.mismatch.evidence.gaussian import evidence
+from gelforge.mismatch.evidence.screen import SCALES
 from gelforge.mismatch.inference.fits import CURVED_SNR
 from gelforge.mismatch.result.verdict import SURE
 from gelforge.mismatch.terms.holdout import Blocks, Gain, gain, predictive_scores

@@ -18,7 +18,8 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.alternatives import WORTH, normalised
 from gelforge.mismatch.evidence.covariance import Covariance, Draws
-from gelforge.mismatch.evidence.screen import SCALES, Candidate, White, chance_of, evidence
+from gelforge.mismatch.evidence.gaussian import evidence
+from gelforge.mismatch.evidence.screen import SCALES, Candidate, White, chance_of
 from gelforge.mismatch.terms.problem import Problem
 
 PLAUSIBLE = 0.1  # of the pressing force, standard deviation; SCALES make it smaller
