@@ -33,29 +33,31 @@ def named(candidates, name):
     return next(c for c in candidates if c.name == name)
 
 
-def test_correlations_are_cosines_of_one_column_and_shares_that_are_followed_of_several():
+def test_correlations_are_cosines_and_of_several_parameters_the_share_that_can_be_followed():
     e = np.eye(4)
-    one, mixed, nothing = e[:, :1], (e[:, :1] + e[:, 1:2]) / np.sqrt(2), np.zeros((4, 1))
-    plane, unequal = e[:, :2], e[:, :2] * [3.0, 1.0]
-    found = correlations([one, mixed, nothing, plane, unequal])
-    assert_allclose(np.diag(found), [1, 1, 0, 1, 1], atol=1e-12)
-    assert_allclose(found, found.T)
+    one, mixed, plane = e[:, :1], (e[:, :1] + e[:, 1:2]) / np.sqrt(2), e[:, :2]
+    changes = np.column_stack([one, 3 * mixed, np.zeros(4), mixed])
+    found = correlations(changes, [one, mixed, np.zeros((4, 1)), plane])
     half = np.sqrt(0.5)
     assert_allclose(
-        found[0], [1, half, 0, half, np.sqrt(0.9)], atol=1e-12
-    )  # 9 of the 10 of `unequal` lie along `one`
-    assert_allclose(found[3, 4], 1, atol=1e-12)  # the same plane, whatever the prior
+        found[0], [1, half, 0, half], atol=1e-12
+    )  # the plane follows `one`, which follows half of the plane's
+    assert_allclose(found[1], [half, 1, 0, 1], atol=1e-12)
+    assert_allclose(found, found.T)
+
+
+def lines_of(covariance, candidates):
+    r = covariance.draw(np.random.default_rng(1), 1)[:, 0]
+    return indistinguishable(covariance, {one.name: one for one in screened(r, covariance, candidates)})
 
 
 def test_effects_that_scale_all_forces_share_a_line_and_others_do_not(world):
     _, covariance, candidates = world
     stiffness, drift = named(candidates, "gel_stiffness"), named(candidates, "force_drift")
-    lines = indistinguishable(
-        covariance, {"gel_stiffness": stiffness, "force_gain": stiffness, "force_drift": drift}
-    )
+    lines = lines_of(covariance, [stiffness, replace(stiffness, name="force_gain"), drift])
     assert lines["gel_stiffness"] == lines["force_gain"] == {"gel_stiffness", "force_gain"}
     assert lines["force_drift"] == {"force_drift"}
-    assert indistinguishable(covariance, {"force_drift": drift}) == {"force_drift": {"force_drift"}}
+    assert lines_of(covariance, [drift]) == {"force_drift": {"force_drift"}}
 
 
 def test_effects_of_a_line_correlate_all_with_each_other(world):
@@ -64,11 +66,11 @@ def test_effects_of_a_line_correlate_all_with_each_other(world):
     draws = covariance.draw(np.random.default_rng(2), 2)
     _, R = np.linalg.qr(covariance.whiten(draws))
     basis = draws @ np.linalg.inv(R)
-    fan = {
-        str(k): Candidate(str(k), {}, basis @ [[np.cos(t)], [np.sin(t)]], np.ones(1), np.zeros(1, int))
+    fan = [
+        Candidate(str(k), {}, basis @ [[np.cos(t)], [np.sin(t)]], np.ones(1), np.zeros(1, int))
         for k, t in enumerate(np.radians([0.0, 15.0, 30.0]))
-    }
-    lines = indistinguishable(covariance, fan)
+    ]
+    lines = lines_of(covariance, fan)
     assert "2" not in lines["0"] and sorted(map(len, set(lines.values()))) == [1, 2]
 
 

@@ -61,51 +61,54 @@ class Experiment:
         return self.expected_log_odds >= DECISIVE
 
 
-def indistinguishable(
-    covariance: Covariance, candidates: Mapping[str, Candidate]
-) -> dict[str, frozenset[str]]:
+def indistinguishable(covariance: Covariance, singles: Mapping[str, Screened]) -> dict[str, frozenset[str]]:
     """Return the line of each effect: effects whose sensitivities correlate by ALIKE or more, all with each other.
 
-    Readings play no part: a plan knows it before any of them. The covariance holds the nuisance parameters. Lines are
-    clusters of complete linkage.
+    Of effects with one parameter readings play no part: a plan knows their lines before any of them. The covariance holds
+    the nuisance parameters. Lines are clusters of complete linkage.
 
     Parameters
     ----------
     covariance : Covariance
         Of n entries.
-    candidates : mapping of Candidate
-        By effect, at one shape; columns (n, p) [N per unit].
+    singles : mapping of Screened
+        By effect, judged alone.
 
     Returns
     -------
     dict of frozenset
         By effect, names.
     """
-    names = [*candidates]
-    correlation = correlations(
-        [covariance.whiten(one.columns * np.asarray(one.widths)) for one in candidates.values()]
-    )
+    names = [*singles]
     if len(names) < 2:
         return {name: frozenset({name}) for name in names}
-    apart = squareform(1 - correlation, checks=False)
-    line = fcluster(linkage(apart, "complete"), 1 - ALIKE, "distance")
+    columns = [one.parts[-1].columns for one in singles.values()]
+    changes = [
+        one.change if own.shape[1] > 1 and np.any(one.change) else own.sum(axis=1)
+        for one, own in zip(singles.values(), columns)
+    ]
+    correlation = correlations(
+        covariance.whiten(np.column_stack(changes)), [covariance.whiten(own) for own in columns]
+    )
+    line = fcluster(
+        linkage(squareform(1 - correlation, checks=False), "complete"), 1 - ALIKE, criterion="distance"
+    )
     return {name: frozenset(np.array(names)[line == own].tolist()) for name, own in zip(names, line)}
 
 
-def correlations(changes: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the correlations (k, k) of whitened sensitivities (n, p_k), in units of the prior.
+def correlations(changes: np.ndarray, sensitivities: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the correlations (k, k) of whitened changes (n, k) of effects, given their sensitivities (n, p_k).
 
-    Of two columns it is |cos|. Of several it is the root of the share of one effect's changes, drawn from its prior, that
-    the other one can follow; the smaller one of both ways.
+    The share of one effect's change that the other one can follow, of both ways the smaller one: |cos| of effects with one
+    parameter each.
     """
-    bases = []
-    for change in changes:
-        u, size, _ = np.linalg.svd(change, full_matrices=False)
-        bases.append(u[:, size > 1e-9 * max(size.max(initial=0.0), np.finfo(float).tiny)])
-    total = np.array([max(np.sum(change**2), np.finfo(float).tiny) for change in changes])
-    followed = np.array([[np.sum((basis.T @ change) ** 2) for basis in bases] for change in changes])
-    share = np.sqrt(np.clip(followed / total[:, None], 0.0, 1.0))
-    return np.minimum(share, share.T)
+    unit = changes / np.maximum(np.linalg.norm(changes, axis=0), np.finfo(float).tiny)
+    followed = np.empty((len(sensitivities), len(sensitivities)))
+    for k, own in enumerate(sensitivities):
+        u, size, _ = np.linalg.svd(own, full_matrices=False)
+        basis = u[:, size > 1e-9 * max(size.max(initial=0.0), np.finfo(float).tiny)]
+        followed[:, k] = np.linalg.norm(basis.T @ unit, axis=0)
+    return np.clip(np.minimum(followed, followed.T), 0.0, 1.0)
 
 
 def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) -> list[Limit]:

@@ -186,28 +186,35 @@ def _amounts_in(judged: Screened, name: str) -> np.ndarray:
 
 
 def groups_of(problem: Problem, posterior: Posterior, fit: Refitted) -> tuple[Group, ...]:
-    """Return the credible set of each fitted effect, in the order of the fit."""
-    names = [part.name for part in fit.parts]
-    found = []
+    """Return the credible set of each fitted effect, the most probable first.
+
+    An effect of another one's set acts beside this one, and not in its place.
+    """
+    names = sorted((part.name for part in fit.parts), key=lambda name: -posterior.holding([name]))
+    found: list[Group] = []
     for name in names:
-        credible = posterior.credible_set(name, set(names) - {name})
-        members = [one for one in credible if one in posterior.lines.get(name, {name})]
-        alternatives = [one for one in credible if one not in members]
-        chance = {one: posterior.holding([one]) for one in credible}
-        total = max(sum(chance.values()), np.finfo(float).tiny)
-        differs = [_difference(problem, posterior, frozenset(names), name, one) for one in credible[1:]]
-        found.append(
-            Group(
-                members=tuple(members),
-                alternatives=tuple(alternatives),
-                probability=posterior.holding(members),
-                set_probability=posterior.holding(credible),
-                shares={one: chance[one] / total for one in (*members, *alternatives)},
-                differs_snr=max((snr for snr, _ in differs), default=0.0),
-                differs_N=max((size for _, size in differs), default=0.0),
-            )
-        )
+        elsewhere = {*names} - {name} | {one for group in found for one in group.names}
+        found.append(_group(problem, posterior, frozenset(names), posterior.credible_set(name, elsewhere)))
     return tuple(found)
+
+
+def _group(problem: Problem, posterior: Posterior, effects: Effects, credible: Sequence[str]) -> Group:
+    """Return a credible set as a group of an answer with these effects."""
+    name = credible[0]
+    members = tuple(one for one in credible if one in posterior.lines.get(name, {name}))
+    alternatives = tuple(one for one in credible if one not in members)
+    chance = {one: posterior.holding([one]) for one in (*members, *alternatives)}
+    total = max(sum(chance.values()), np.finfo(float).tiny)
+    differs = [_difference(problem, posterior, effects, name, one) for one in credible[1:]]
+    return Group(
+        members=members,
+        alternatives=alternatives,
+        probability=posterior.holding(members),
+        set_probability=posterior.holding(credible),
+        shares={one: own / total for one, own in chance.items()},
+        differs_snr=max((snr for snr, _ in differs), default=0.0),
+        differs_N=max((size for _, size in differs), default=0.0),
+    )
 
 
 def _difference(

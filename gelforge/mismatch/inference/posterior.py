@@ -136,7 +136,7 @@ def posterior_of(problem: Problem, manners: Sequence[Manner]) -> Posterior:
         sets = _believed(problem, number, scale, tables, len(singles))
         progress.advance(note="errors of their changes")
         evidence = {effects: one.log_bayes_factor for effects, one in sets.items()}
-        lines = indistinguishable(problem.covariance, {name: one.parts[-1] for name, one in singles.items()})
+        lines = indistinguishable(problem.covariance, singles)
         found = with_unknown(problem, Posterior(sets, singles, evidence, {}, len(singles), lines), manners)
         progress.advance(note="a discrepancy beside them")
     return found

@@ -19,6 +19,7 @@ from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted
 
 NINETY = float(norm.ppf(0.95))
+NEGLIGIBLE = 0.1  # probability of a credible set, below which it is not reported
 PROFILE_SD, PROFILE_POINTS = 4.0, 33
 
 
@@ -44,7 +45,9 @@ def group_entries(problem: Problem, judgement: Judgement) -> list[form.Group]:
         return []
     if judgement.model is not None and judgement.model.sure and not judgement.model.beside:
         return []  # effects that are not sure were fitted without the cause that is
-    groups = [_group(problem, group) for group in judgement.answer.groups]
+    groups = [
+        _group(problem, group) for group in judgement.answer.groups if group.set_probability >= NEGLIGIBLE
+    ]
     return sorted(groups, key=lambda group: -group.probability)
 
 
