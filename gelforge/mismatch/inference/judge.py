@@ -25,7 +25,7 @@ from gelforge.progress import stage
 
 LIKELY = 0.5
 # An alarm also asks that nothing being missing is unlikely, by the same tempered evidence as the answer.
-NOTHING_P = 0.05
+NOTHING_P = 0.1
 # Of chi-square or the scan. Below it readings are not noise, even where no effect and no kernel is likelier than nothing.
 CERTAIN_P = 1e-6
 MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too few
