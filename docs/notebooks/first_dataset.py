@@ -1,9 +1,8 @@
 # %% [markdown]
 # # First dataset in ten minutes
 #
-# One indentation as a function, then a small study whose labels are solved by the workflow, then its rows in PyTorch.
-# Nothing is recorded here and no network is trained. The mesh is coarse so that the page executes in about a minute: its forces are good
-# for a first look, and their error bars say so.
+# One indentation in Python, a small study whose labels the workflow solves, and its rows in PyTorch. Nothing is recorded or trained.
+# The mesh is coarse, so that the page runs in about a minute; the error bars say so.
 
 # %%
 import os
@@ -21,7 +20,7 @@ os.chdir(tempfile.mkdtemp())  # a folder of its own; take one of yours to keep t
 # %% [markdown]
 # ## One indentation
 #
-# A ball of 4 mm radius on a block of soft silicone. Units are mm and N; forces act on the sensor, so that an indentation has negative Fz.
+# A ball of 4 mm radius on a block of soft silicone. Units are mm and N. Forces act on the sensor, so an indentation has negative Fz.
 
 # %%
 sensor = {
@@ -44,7 +43,7 @@ for depth, force, sigma in zip(answer.depth_mm, answer.total_force_N[:, 2], answ
     print(f"{depth:.2f} mm: Fz = {force:.3f} N, error bar {sigma:.3f} N")
 
 # %% [markdown]
-# The label is the force on each bin of the surface, normal and friction apart, and their sum is the total.
+# The label is the force on each bin of the surface. The bins add up to the total.
 
 # %%
 bins = answer.bin_force_N[-1].reshape(8, 8, 3)  # ny, nx, vector
@@ -65,7 +64,7 @@ for axis, component, name in zip(axes, np.moveaxis(bins, -1, 0), ("Fx", "Fy", "F
 # %% [markdown]
 # ## A study
 #
-# The same sensor as a file, with a grid of positions. `gelforge init` writes the folder; the study is replaced by a short one.
+# The same sensor as a file, with a grid of positions. `gelforge init` writes the folder; a short study replaces the one in it.
 
 # %%
 gf.run("gelforge init mine", quiet=True)
@@ -90,7 +89,7 @@ sessions: [] # labels only
 gf.run("gelforge check mine")
 
 # %% [markdown]
-# `labels` asks for the dataset and nothing beyond it.
+# `labels` makes the dataset, without training.
 
 # %%
 gf.run("snakemake labels --cores 2 --quiet all --configfile config/mine.yaml")
@@ -99,7 +98,7 @@ print(*sorted(str(path) for path in Path("results/mine/dataset").iterdir()), sep
 # %% [markdown]
 # ## Its rows
 #
-# `gelforge.load_dataset` gives a split as a PyTorch dataset. The rows of test positions are never in `train`.
+# `gelforge.load_dataset` gives a split as a PyTorch dataset. Rows of test positions are never in `train`.
 
 # %%
 rows = gf.load_dataset("results/mine/dataset", "train")

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # What is missing in my simulation
 #
-# A recording differs from the simulation: by more than the known errors, and why? Here the recording is SYNTHETIC, so the answer is known: the
-# frame of the stage yields by 0.06 mm per newton, which the study does not know. To be quick, seven effects are weighed instead of all.
+# Does a recording differ from the simulation by more than the known errors, and why? This recording is SYNTHETIC.
+# The frame of the stage yields by 0.06 mm per newton, which the study does not state. To be quick, only seven effects are weighed.
 
 # %%
 import json
@@ -21,7 +21,7 @@ os.chdir(tempfile.mkdtemp())  # a folder of its own; take one of yours to keep t
 # %% [markdown]
 # ## The study
 #
-# The recording is made on this very mesh, so the mesh's error is stated as small. With your own recording leave `discretisation` out.
+# The recording is made on this very mesh, so its discretisation error is stated as small. With your own recording leave `discretisation` out.
 
 # %%
 TRIED = (
@@ -57,7 +57,7 @@ mismatch:
 # %% [markdown]
 # ## The recording
 #
-# Nine positions in random order. The indenter reaches less than the stage's depth, by 0.06 mm for each newton; the force has noise, the sensor's zero an offset.
+# Nine positions in random order. The indenter goes 0.06 mm less deep for each newton. The force has noise, the sensor's zero an offset.
 
 # %%
 rng = np.random.default_rng(3)
@@ -119,8 +119,8 @@ for answer in verdict["answer"]:
 print(Path("out/config.patch.yaml").read_text())
 
 # %% [markdown]
-# The true one is named, and 0.06 mm/N lies inside its interval. Where readings cannot distinguish several the answer is a group with the experiment that
-# would decide; `gelforge mismatch plan` then says what to record next. `out/report.html` has the whole page.
+# The verdict names the true effect, and 0.06 mm/N lies in its interval. Where readings cannot distinguish several effects, the answer is a credible set with the experiment that would decide.
+# `gelforge mismatch plan` then says what to record next. `out/report.html` has the whole page.
 
 # %%
 readings = pd.read_csv("out/readings.csv").query("axis == 'z'")

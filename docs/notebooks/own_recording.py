@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Own recording
 #
-# Raw logs of a force sensor and a stage become a session that all other commands read. The logs here are SYNTHETIC and written by a few lines, with
-# two clocks that do not agree; with yours, start at the mapping. A camera is one line more ([Raw logs to a session](../importing.md)).
+# Raw logs of a force sensor and a stage become a session. A few lines write the logs here (SYNTHETIC), with two clocks that differ; with yours, begin at the mapping.
+# A camera is one line more ([Raw logs to a session](../importing.md)).
 
 # %%
 import os
@@ -20,8 +20,7 @@ os.chdir(tempfile.mkdtemp())  # a folder of its own; take one of yours to keep t
 # %% [markdown]
 # ## Logs as a laboratory leaves them
 #
-# A stage presses eight times; its z falls while it presses and touches the gel at 31.37 mm. The force sensor has an offset and shows a time that is
-# 0.43 s later than the stage's.
+# A stage presses eight times; its z falls while it presses, and it touches the gel at 31.37 mm. The force sensor has an offset, and its clock is 0.43 s late.
 
 # %%
 rng = np.random.default_rng(1)
@@ -66,7 +65,7 @@ print(log.head(3).to_string(index=False))
 # %% [markdown]
 # ## The mapping
 #
-# It says what the logs do not say themselves. What cannot be decided is an error in one line that names the key that settles it.
+# It says what the logs do not say themselves. What cannot be decided is an error that names the key that settles it.
 
 # %%
 Path("logs.yaml").write_text("""\
@@ -88,7 +87,7 @@ gf.run("gelforge import logs.yaml --out monday")
 # %% [markdown]
 # ## The page
 #
-# Look at it: signals with the indentations marked, the lag, force over depth about each contact point.
+# Look at it: signals with the indentations marked, the lag, and force over depth about each contact point.
 
 # %%
 picture = plt.imread(next(Path(".").rglob("import.png")))
@@ -99,17 +98,17 @@ plt.axis("off")
 # %% [markdown]
 # ## What was found
 #
-# Contact point and interval per indentation, on the stage's axis; the lag stands in `session.yaml`. The true ones: 31.37 mm and 0.43 s.
+# Contact point and interval of each indentation, on the stage's axis; `session.yaml` has the lag. The true values are 31.37 mm and 0.43 s.
 
 # %%
 found = pd.read_csv("monday/import.csv")
 print(found.iloc[:, :8].to_string(index=False))
 
 # %% [markdown]
-# ## Beside a simulation
+# ## Next to a simulation
 #
-# The readings of the session and an indentation of a block of silicone. Nobody fitted one to the other: that they differ is what
-# [What is missing in my simulation](missing_physics.md) is about.
+# The readings of the session and the forces on a block of silicone. Nobody fitted one to the other;
+# [What is missing in my simulation](missing_physics.md) explains such differences.
 
 # %%
 readings = pd.read_csv("monday/indentations.csv", comment="#")

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Own sensor
 #
-# A constitutive model fitted to material tests, a sensor of two layers, a look at the geometry, one indentation, and what the force would do if the sensor were
-# a little different. The tests here are those of the demo and SYNTHETIC; put yours in their place. Mesh and bootstrap are small, to be quick.
+# Fit a constitutive model to material tests, describe a sensor of two layers, look at it, press it, and ask for derivatives.
+# The tests are those of the demo and SYNTHETIC; put yours in their place. Mesh and bootstrap are small, to be quick.
 
 # %%
 import os
@@ -26,8 +26,7 @@ def show(picture, width=9):
 # %% [markdown]
 # ## Fit a constitutive model
 #
-# A folder of tests has one CSV per specimen and `samples.csv`, which says what each one is. Files of other machines need a mapping
-# (`config/mappings` has ten). Two constitutive models are fitted, the better one is used.
+# A folder of tests has one CSV per specimen and `samples.csv`. Files of other machines need a mapping (`config/mappings` has ten). The better of two models is used.
 
 # %%
 gf.run("gelforge examples", quiet=True)  # the demo's tests
@@ -41,7 +40,7 @@ show(next(Path("skin").rglob("*.png")))
 # %% [markdown]
 # ## The sensor
 #
-# Layers are named from the rigid base up. The skin takes the model that was just fitted, the gel one that is known.
+# Layers are named from the rigid base up. The skin takes the fitted model, the gel a known one.
 
 # %%
 Path("config/mine.yaml").write_text("""
@@ -71,9 +70,9 @@ gf.run("gelforge check mine")
 show("results/mine/check.png")
 
 # %% [markdown]
-# ## One indentation of it
+# ## One indentation
 #
-# A cylinder, upright, that then moves 0.3 mm along x: friction appears. `--laws` names the constitutive model of the material that has tests.
+# An upright cylinder that then moves 0.3 mm along x, with friction. `--laws` names the fitted model.
 
 # %%
 gf.run(
@@ -81,9 +80,9 @@ gf.run(
 )
 
 # %% [markdown]
-# ## What if it were different
+# ## Derivatives
 #
-# Derivatives say how the force follows each assumption; all of them cost about as much as a few more depths.
+# They say how the force follows each assumption. All of them cost about as much as a few more depths.
 
 # %%
 answer = gf.press(

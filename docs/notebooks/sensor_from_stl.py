@@ -1,8 +1,8 @@
 # %% [markdown]
 # # A sensor from STL
 #
-# A rounded fingertip from a surface file, pressed by an indenter from another file, then moved sideways. Here the files are written by a few
-# lines; yours come from a CAD program. A surface must be closed; millimetres are assumed, `mm_per_unit` says otherwise.
+# A fingertip from a surface file, pressed by an indenter from another file, then moved sideways. Here a few lines write the files; yours come from a CAD program.
+# A surface must be closed. Millimetres are assumed; `mm_per_unit` says otherwise.
 
 # %%
 import os
@@ -20,7 +20,7 @@ os.chdir(tempfile.mkdtemp())  # a folder of its own; take one of yours to keep t
 # %% [markdown]
 # ## Two files
 #
-# The fingertip is a superellipse in plan, 18 x 14 mm, flat below and rounded above, 7 mm high; its highest point is z = 0. The indenter is a wedge.
+# The fingertip is a superellipse in plan, 18 x 14 mm, flat below, rounded above, 7 mm high. Its highest point is z = 0. The indenter is a wedge.
 
 
 # %%
@@ -56,7 +56,7 @@ print(Path("config/indenters/wedge.yaml").read_text())
 # %% [markdown]
 # ## The study
 #
-# Solids from files are meshed with quadratic tetrahedra. `gelforge mesh` writes the mesh without solving anything; open it in ParaView.
+# Solids from files are meshed with quadratic tetrahedra. `gelforge mesh` writes the mesh for ParaView and solves nothing.
 
 # %%
 Path("config/finger.yaml").write_text("""
@@ -103,7 +103,7 @@ for axis, values, title in (
     fig.colorbar(dots, ax=axis)
 
 # %% [markdown]
-# The mesh is coarse: the standard deviation of the total says by how much.
+# The mesh is coarse; the standard deviation of the total says how much that matters.
 
 # %%
 print("error bar of the last state [N]:", answer.total_sigma_N[-1].round(3))

@@ -1,9 +1,8 @@
 # %% [markdown]
 # # Train and deploy
 #
-# The smallest study with images, from nothing to a network, its export to ONNX, and forces of images without PyTorch. Its recordings are SYNTHETIC
-# (a virtual lab draws them), its mesh is coarse, 9 positions are pressed and training takes five steps: the steps are those of a real study, **the forces
-# mean nothing**. What a real one reaches: [The network](../learning.md).
+# From nothing to a network, its ONNX file, and forces of images without PyTorch. The recordings are SYNTHETIC, the mesh is coarse, 9 positions are pressed, training takes five steps.
+# The steps are those of a real study, but **the forces mean nothing**. What a real one reaches: [The network](../learning.md).
 
 # %%
 import os
@@ -22,7 +21,7 @@ gf.run("gelforge examples", quiet=True)
 # %% [markdown]
 # ## Labels, features, network
 #
-# One target: Snakemake runs what it needs. Materials are fitted, three sites solved, two sessions drawn, features found, rows joined, the network trained.
+# One target: Snakemake fits materials, solves three sites, draws two sessions, finds features, joins rows and trains.
 
 # %%
 gf.run("snakemake results/test/model/model.pt --cores 2 --quiet all --configfile config/test.yaml")
@@ -32,7 +31,7 @@ loss = pd.read_csv("results/test/model/loss.csv")
 print(loss.to_string(index=False))
 
 # %% [markdown]
-# ## Out
+# ## Export
 #
 # The export compares its forces with PyTorch's and refuses a file that differs.
 
@@ -43,7 +42,7 @@ print(f"model.onnx: {Path('model.onnx').stat().st_size / 1e6:.1f} MB")
 # %% [markdown]
 # ## Forces of images
 #
-# A folder, a video or a camera's number; `--reference` is the image without contact. ONNX Runtime computes, PyTorch is not needed.
+# A folder, a video or a camera's number; `--reference` is the image without contact. ONNX Runtime computes, without PyTorch.
 
 # %%
 session = Path("data/test/recordings/evening")
@@ -60,5 +59,4 @@ plt.xlabel("image")
 plt.ylabel("-Fz, predicted [N]")
 
 # %% [markdown]
-# With a camera at hand, `gelforge live 0 --model model.onnx --open` shows the same in the browser and sends it to robots as JSON
-# ([Forces in real time](../live.md)).
+# With a camera, `gelforge live 0 --model model.onnx --open` shows forces in the browser and sends them as JSON ([Forces in real time](../live.md)).
