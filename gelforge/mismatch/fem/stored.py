@@ -18,10 +18,8 @@ from scipy.interpolate import PchipInterpolator
 from gelforge.files import FileError, digest, source_digest
 from gelforge.hdf5 import opened, writing
 from gelforge.indentation.cells.cell_file import write_timings
-from gelforge.indentation.paths.places import gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import plan_cells
-from gelforge.indentation.solving.inputs import inputs_digest
+from gelforge.indentation.solving.inputs import inputs_digest, model_inputs
 from gelforge.indentation.solving.sensitivities import Derivative, Variation
 from gelforge.mechanics.laws.law import PrincipalLaw
 
@@ -69,9 +67,8 @@ def slope_digest(place: str, variation: Variation) -> str:
 
 def described(variation: Variation) -> list:
     """Return all that decides a derivative beside the run that it belongs to."""
-    without = variation.without.model_dump(mode="json") if variation.without else None
-    laws = {material: law.description() for material, law in variation.laws.items()}
-    own = [variation.study.model_dump(mode="json"), laws, variation.amount, variation.alone, without]
+    without = variation.without and model_inputs(variation.without, variation.laws)
+    own = [model_inputs(variation.study, variation.laws), variation.amount, variation.alone, without]
     return [*own, described(variation.instead)] if variation.instead else own
 
 
@@ -133,11 +130,3 @@ def read_stored(path: Path, place: str) -> Stored | None:
         return None
     slopes = dict(zip([one["digest"] for one in known], slopes))
     return Stored(depths, total, slopes, {one["digest"]: one["reason"] for one in missing})
-
-
-def path_at(folder: Path, study, x_mm: float, y_mm: float) -> Path | None:
-    """Return the file of a place among the plan's; None where the plan has no such place."""
-    for cell in plan_cells(study).values():
-        if within(gaps_to((cell.x_mm, cell.y_mm), (x_mm, y_mm))[0]):
-            return folder / f"{cell.source or cell.name}.h5"
-    return None
