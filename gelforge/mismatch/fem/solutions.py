@@ -42,7 +42,7 @@ from gelforge.indentation.solving.simulate import (
 from gelforge.indentation.solving.unloading import unloaded
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.fem.stored import described, place_digest, read_stored, slope_digest
+from gelforge.mismatch.fem.stored import place_digest, read_stored, slope_digest
 from gelforge.workers import each
 
 
@@ -168,7 +168,7 @@ def follow(task: tuple) -> dict[str, np.ndarray] | Unsolved:
     known = _stored(solver, down, asked) if asked else {}
     own = [inputs_digest(study, laws, down), source_digest("mismatch/fem/solutions.py")]
     contents = {"base": ["followed", *own]}
-    contents |= {key: ["along", *own, described(one)] for key, one in asked.items()}
+    contents |= {key: ["along", *own, one.inputs] for key, one in asked.items()}
     contents |= {unloading_key(run): ["unloading", *own, run.depths_mm] for run in runs}
     names = {key: digest(content) for key, content in contents.items() if key not in known}
     known |= {key: kept for key, name in names.items() if (kept := found_before(solver, name))}
@@ -229,10 +229,11 @@ def _stored(
     depths, found = np.array(down.depths_mm), {}
     if (base := held.base_at(depths)) is not None:
         found["base"] = {"total": base}
-    for key, variation in asked.items():
-        name = slope_digest(place, variation)
-        if (slope := held.slope_at(name, depths)) is not None:
-            found[key] = {"total": slope}
+    names = {key: slope_digest(place, variation) for key, variation in asked.items()}
+    slopes = held.slopes_at(names.values(), depths)
+    for key, name in names.items():
+        if name in slopes:
+            found[key] = {"total": slopes[name]}
         elif name in held.reasons:
             found[key] = {"reason": np.array(held.reasons[name])}
     return found

@@ -40,7 +40,7 @@ from gelforge.mismatch.model.images_of_presses import (
     carried,
     carried_derivative,
     image_of,
-    number_at_image,
+    numbers_at_image,
     solved_for_all,
 )
 from gelforge.mismatch.model.solver_effects import FirstOrder
@@ -168,6 +168,9 @@ def _followed(
             own = unloadings.setdefault(image_of(solver.study, ways[site])[0], {})
             own[image_of(solver.study, run)[0]] = None
 
+    for one in asked:
+        assert one.variation.inputs  # found once, not by every task
+
     def solve(distinct: list[PlannedCell]) -> list:
         tasks = [(solver, way, felt_by(asked, way), *unloadings.get(way, ())) for way in distinct]
         return _base(solver.each(follow, tasks))
@@ -200,8 +203,12 @@ def carried_derivatives(
     The reason why one could not be had stays a reason.
     """
     own = {key: carried(image[key], symmetry) for key in image if key.startswith(ALWAYS_SHOWN)}
+    numbers: dict[str, list[int]] = {}  # of each effect's shapes, at the image
     for one in asked:
-        keys = one.keys_at_image(symmetry, width_mm)
+        name = one.effect.name
+        if name not in numbers:
+            numbers[name] = numbers_at_image(one.shapes, symmetry, width_mm)
+        keys = one.keys_of(numbers[name][one.number])
         reasons = [image[f"reason {key}"] for key in keys if f"reason {key}" in image]
         if reasons:
             own[f"reason {one.key}"] = reasons[0]
@@ -434,15 +441,12 @@ class Asked:
 
     @property
     def key(self) -> str:
-        return self._key(self.number, self.which)
+        return self.keys_of(self.number)[self.which]
 
-    def keys_at_image(self, symmetry: str, width: float) -> list[str]:
-        """Return the keys of the same effect, one per value, at the image that a symmetry carries here."""
-        number = number_at_image(self.shapes, self.number, symmetry, width)
-        return [self._key(number, which) for which in range(len(self.effect.parameters))]
-
-    def _key(self, number: int, which: int) -> str:
-        return key_of(self.effect, number if len(self.shape) else None, which)
+    def keys_of(self, number: int) -> list[str]:
+        """Return the keys of the effect at one of its shapes, one per value."""
+        values = range(len(self.effect.parameters))
+        return [key_of(self.effect, number if len(self.shape) else None, which) for which in values]
 
 
 def asked_of(
