@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gelforge.config import ConfigError, load_session, load_study, study_from
+from gelforge.config import ConfigError, changed_study, load_session, load_study, study_from
 from gelforge.config.foreign.mapping import Microindentation
 from gelforge.config.studies.files import load_section
 from gelforge.csv_table import TableError, read_csv
@@ -175,6 +175,18 @@ def test_steps_that_nobody_solves_are_refused():
         else:
             with pytest.raises(ConfigError, match="step_mm 1e-09 mm: .* at most 10000 are solved"):
                 plan_cells(study_from(content))
+
+
+def test_changes_of_a_study_are_checked_as_a_file_is():
+    plain = load_study("config/test.yaml")
+    whole = plain.model_dump(mode="json")
+    whole["mechanics"]["friction"] = 0.2
+    assert changed_study(plain, {"mechanics": {"friction": 0.2}}) == study_from(whole)
+    for wrong, why in ((True, "true or false"), (1e13, "nothing is larger|less than"), (-1.0, "greater than")):
+        with pytest.raises(ConfigError, match=why):
+            changed_study(plain, {"mechanics": {"friction": wrong}})
+    with pytest.raises(ConfigError, match="nothing is larger"):
+        changed_study(plain, {"mechanics": {"effects": {"kinematics": {"contact_zero_mm": -1e-13}}}})
 
 
 def test_numbers_of_no_size_are_refused(tmp_path):

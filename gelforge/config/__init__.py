@@ -36,6 +36,7 @@ from gelforge.config.sessions.virtual_lab import (
 )
 from gelforge.config.studies.circumstances import session_study
 from gelforge.config.studies.files import (
+    changed_study,
     load_camera,
     load_section,
     load_session,
@@ -101,6 +102,7 @@ __all__ = [
     "VirtualParticles",
     "VirtualSample",
     "VirtualSession",
+    "changed_study",
     "given",
     "load_camera",
     "load_section",

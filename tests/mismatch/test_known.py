@@ -23,7 +23,7 @@ def based_on(effect, amounts, shape):
     same = context.force
     each = np.ones((len(same), 1))
     law, floor = 0.02 * same[..., None], 0.01 * np.abs(same)
-    base = Base(context, None, same, each, law, floor, np.arange(len(same)), {})
+    base = Base(context, None, same, same, each, law, floor, np.arange(len(same)), {})
     return base, with_known(base, SimpleNamespace(study=study))
 
 

@@ -7,10 +7,13 @@ import pandas as pd
 import pytest
 import specimens
 
+from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.effects.kinematics import real_place
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem import solver as fem
-from gelforge.mismatch.fem.solutions import Solver, follow, way_down
+from gelforge.mismatch.fem.solutions import Solver, follow, unloading_key, way_down
 from gelforge.mismatch.fem.solver import (
     REACH_MM,
     _by_what_is_felt,
@@ -166,6 +169,44 @@ def test_presses_are_followed_as_a_whole_whatever_was_chosen_of_them(name, shape
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
     return tmp_path_factory.mktemp("solves")
+
+
+# ------------------------------------------------------------------------------------------------------- unloading
+@pytest.mark.parametrize("kinematics", [{}, {"frame_compliance_mm_per_N": 0.02}], ids=["stiff", "yielding"])
+def test_unloading_from_a_kept_state_is_that_of_its_own_path(kinematics, tmp_path):
+    """Friction has the same history either way: the steps of the loading to the peak, and those of the way back."""
+    study = with_keys(specimens.study(), kinematics=kinematics)
+    solver = Solver(study, specimens.STUDY_LAWS, {}, tmp_path)
+    place, laws = ("", 10.0, 8.0), specimens.STUDY_LAWS
+    shallow, deep = (
+        PlannedCell(*place, depths, phases=("load",) * n + ("unload",) * (len(depths) - n))
+        for n, depths in ((2, (1.0, 1.5, 1.0)), (3, (1.0, 1.5, 2.0, 1.5, 1.0)))
+    )
+    found = follow((solver, PlannedCell(*place, (1.0, 1.5, 2.0)), {}, shallow, deep))
+    alone = simulate_cell(solver.coarse, laws, deep).arrays["total_force_N"]
+    size = np.abs(alone).max()
+    np.testing.assert_allclose(found[unloading_key(deep)], alone, atol=2e-5 * size)
+    assert np.abs(alone[:2] - alone[:-3:-1]).max() > 1e-3 * size
+    # as deep as the loading, so that the mesh is the same
+    again = replace(shallow, depths_mm=(1.0, 1.5, 1.0, 2.0), phases=("load", "load", "unload", "load"))
+    there = simulate_cell(solver.coarse, laws, again).arrays["total_force_N"]
+    np.testing.assert_allclose(found[unloading_key(shallow)], there[:3], atol=2e-5 * size)
+
+
+@pytest.mark.parametrize("name", ["gel_stiffness", "friction"])
+def test_unloading_is_solved_with_an_effect_where_the_contact_is_another(name, kept):
+    """What leaves the contact alone changes the force by the same share of loading and unloading."""
+    solver, found = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept), observations()
+    table = found.table.assign(x_mm=8.0, y_mm=8.0)
+    found = replace(found, table=table, sites=np.array([[8.0, 8.0], [5.0, 8.0]]))
+    base, effect = base_of(solver, found, []), CATALOGUE[name]
+    changed = effect.to_study(solver.study, {}, [0.3])
+    with_it = base_of(replace(solver, study=changed), found, []).coarse - base.coarse
+    change = (forces_with(solver, base, [(effect, {}, np.array([0.3]))]) - base.context.force) / base.finer
+    up = (table["phase"] == "unload").to_numpy()
+    np.testing.assert_allclose(change[~up], with_it[~up], atol=1e-6)
+    size = np.abs(with_it[up]).max()
+    assert np.abs(change - with_it)[up].max() < (1e-5 if name == "friction" else 0.2) * size
 
 
 # ----------------------------------------------------------------------------------------------- derivatives that are asked

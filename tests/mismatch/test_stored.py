@@ -13,7 +13,7 @@ from gelforge.mismatch.fem import solutions
 from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
 from gelforge.mismatch.fem.solutions import Solver, follow
 from gelforge.mismatch.fem.solver import asked_of, felt_by
-from gelforge.mismatch.fem.stored import path_at, shortened
+from gelforge.mismatch.fem.stored import shortened
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.terms.candidates import effects_of_forces
 
@@ -67,6 +67,17 @@ def test_what_is_stored_is_what_would_be_solved(stored, tmp_path, monkeypatch):
         assert_allclose(found[key], values, rtol=1e-9, atol=1e-12, err_msg=key)
 
 
+@pytest.mark.parametrize("change", [{"discretisation": 0.01}, {"sites": 9}, {"draws": 4000}], ids=str)
+def test_settings_that_decide_no_derivative_leave_what_is_stored(stored, change, tmp_path, monkeypatch):
+    solver, site = stored
+    mismatch = solver.study.mismatch.model_copy(update=change)
+    study = solver.study.model_copy(update={"mismatch": mismatch, "seed": 77})
+    monkeypatch.setattr(solutions, "solved_cell", nothing_is_solved)
+    x, y = site.planned.x_mm, site.planned.y_mm
+    found = follow(task(replace(solver, study=study, kept=tmp_path), x, y, (0.2, 0.4, 0.6)))
+    assert len(found) > 10
+
+
 def test_between_the_depths_derivatives_are_interpolated_and_only_the_base_is_solved(stored, tmp_path):
     solver, site = stored
     place = site.planned.x_mm, site.planned.y_mm, (0.3, 0.5)
@@ -99,11 +110,11 @@ def test_what_is_stored_of_other_inputs_is_not_taken(stored, how, tmp_path, monk
         mismatch = solver.study.mismatch.model_copy(update={"coarser": 2.5})
         solver = replace(solver, study=solver.study.model_copy(update={"mismatch": mismatch}))
     elif how == "damaged":
-        content = bytearray(path_at(solver.stored, solver.study, x, y).read_bytes())
+        content = bytearray(solver.stored_at(x, y).read_bytes())
         content[len(content) // 2] ^= 1
         (tmp_path / "stored").mkdir()
-        path_at(tmp_path / "stored", solver.study, x, y).write_bytes(content)
         solver = replace(solver, stored=tmp_path / "stored")
+        solver.stored_at(x, y).write_bytes(content)
     else:
         x += 0.5
     monkeypatch.setattr(solutions, "each_derivative", nothing_is_solved)
@@ -115,7 +126,7 @@ def test_why_there_is_no_derivative_is_stored_too(stored, tmp_path, monkeypatch)
     solver, site = stored
     refused = replace(site, found=site.found | {"gel_stiffness": "it does not converge"})
     x, y = site.planned.x_mm, site.planned.y_mm
-    write_site_slopes(tmp_path / path_at(solver.stored, solver.study, x, y).name, solver, refused)
+    write_site_slopes(tmp_path / solver.stored_at(x, y).name, solver, refused)
     monkeypatch.setattr(solutions, "each_derivative", nothing_is_solved)
     found = follow(task(replace(solver, stored=tmp_path, kept=tmp_path / "kept"), x, y, (0.2, 0.4, 0.6)))
     assert found["reason gel_stiffness"] == "it does not converge" and "gel_stiffness" not in found
@@ -125,9 +136,9 @@ def test_a_file_belongs_to_all_mirror_images_of_its_place(stored):
     solver, _ = stored
     cells = plan_cells(solver.study)
     for cell in cells.values():
-        found = path_at(solver.stored, solver.study, cell.x_mm, cell.y_mm)
+        found = solver.stored_at(cell.x_mm, cell.y_mm)
         assert found.stem == (cell.source or cell.name) and cells[found.stem].solved
-    assert path_at(solver.stored, solver.study, 1.0, 2.0) is None
+    assert solver.stored_at(1.0, 2.0) is None
 
 
 def test_shortened_numbers_keep_four_digits():

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from gelforge.config.basis.variants import merged
 from gelforge.config.sessions.session import Session
-from gelforge.config.studies.files import study_from
+from gelforge.config.studies.files import changed_study
 from gelforge.config.studies.study import Study
 
 
@@ -22,4 +21,4 @@ def session_study(study: Study, session: Session) -> Study:
     if all(getattr(known, name) == value for name, value in stated.items()):
         return study
     changes = {"mechanics": {"effects": {"material": {"circumstances": stated}}}}
-    return study_from(merged(study.model_dump(mode="json"), changes), f"session {session.session}")
+    return changed_study(study, changes, f"session {session.session}")

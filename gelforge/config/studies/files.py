@@ -42,7 +42,8 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     return content
 
 
-def _validated(model: type[Section], content: dict[str, Any], source: str):
+def _validated(model: type[Section], content: dict[str, Any], source: str, new: dict[str, Any] | None = None):
+    """Return the section of a content; new: the part of it that was not read before, None: all. Raises ConfigError."""
     try:
         section = model.model_validate(content)
     except ValidationError as error:
@@ -61,9 +62,10 @@ def _validated(model: type[Section], content: dict[str, Any], source: str):
         raise ConfigError("\n".join(lines)) from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deeply; remove sections inside sections") from None
-    if key := _first(content, section, _truth_as_number):
+    new = content if new is None else new
+    if key := _first(new, section, _truth_as_number):
         raise ConfigError(f"{source}: {key}: true or false where a number belongs; write the number")
-    if key := _first(content, section, _beyond_measure):
+    if key := _first(new, section, _beyond_measure):
         raise ConfigError(
             f"{source}: {key}: nothing is larger than {LARGEST:g}, or smaller than {1 / LARGEST:g} and not 0; correct it"
         )
@@ -134,6 +136,15 @@ def study_from(content: dict[str, Any], source: str = "config") -> Study:
     for name in study.variants:
         variant_study(study, name, source)
     return study
+
+
+def changed_study(study: Study, changes: dict[str, Any], source: str = "config") -> Study:
+    """Return the study with other keys, checked anew; nested mappings of changes are merged, all else is replaced."""
+    content = merged(study.model_dump(mode="json"), changes)
+    changed = _validated(Study, content, source, changes)
+    for name in changed.variants:
+        variant_study(changed, name, source)
+    return changed
 
 
 def variant_study(study: Study, name: str, source: str = "config") -> Study:

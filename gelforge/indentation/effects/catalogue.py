@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.config import Study, study_from
-from gelforge.config.basis.variants import merged
+from gelforge.config import Study, changed_study
 from gelforge.indentation.effects.fields import (
     LOST,
     RIGID,
@@ -75,7 +74,7 @@ def with_keys(study: Study, **families) -> Study:
 
 
 def _changed(study: Study, changes: dict) -> Study:
-    return study_from(merged(study.model_dump(mode="json"), changes))
+    return changed_study(study, changes)
 
 
 def gel_layers(study: Study) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 
 from gelforge.config import Study
@@ -14,22 +15,35 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 def inputs_digest(study: Study, laws: Mapping[str, PrincipalLaw], planned: PlannedCell) -> str:
     """Return the digest of everything that decides a site's numbers: settings, laws, position, depths, sources."""
-    materials = {layer.material for layer in study.sensor.layers}
     return digest(
         {
-            "sensor": study.sensor.model_dump(mode="json"),
-            "sensor_files": surface_digests(study.sensor),
-            "approach": study.plan.approach,
-            "indenter": study.indenter.model_dump(mode="json"),
-            "indenter_files": file_digests(study.indenter),
-            "mechanics": study.mechanics.model_dump(mode="json"),
-            "laws": {name: laws[name].description() for name in materials},
+            **model_inputs(study, laws),
             "cell": [planned.x_mm, planned.y_mm, planned.depths_mm, planned.source, planned.symmetry],
             **({"between": planned.between} if planned.between else {}),
             "path": [planned.phases, planned.shears_mm, planned.tilts_deg, planned.twists_deg],
-            "sources": source_digest("mechanics", "meshing", "indentation"),
+            "sources": _sources(),
         }
     )
+
+
+@cache
+def _sources() -> str:
+    """Return the digest of the sources that solve a site, read once: a process goes on with those that it began with."""
+    return source_digest("mechanics", "meshing", "indentation")
+
+
+def model_inputs(study: Study, laws: Mapping[str, PrincipalLaw]) -> dict:
+    """Return what decides a site's numbers beside its path and the sources: the study's settings of the solver, and laws."""
+    materials = {layer.material for layer in study.sensor.layers}
+    return {
+        "sensor": study.sensor.model_dump(mode="json"),
+        "sensor_files": surface_digests(study.sensor),
+        "approach": study.plan.approach,
+        "indenter": study.indenter.model_dump(mode="json"),
+        "indenter_files": file_digests(study.indenter),
+        "mechanics": study.mechanics.model_dump(mode="json"),
+        "laws": {name: laws[name].description() for name in materials},
+    }
 
 
 def solution_digest(

@@ -11,16 +11,19 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from gelforge.config import ConfigError, Study
+from gelforge.files import digest
 from gelforge.indentation.cells.binning import bin_forces, bin_shares
 from gelforge.indentation.cells.cell_arrays import gel_arrays, gel_elements
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.solving.inputs import model_inputs
 from gelforge.indentation.solving.simulate import Model, Solution, model_of, simulate_cell
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.laws.law import PrincipalLaw
@@ -48,6 +51,13 @@ class Variation:
     share: tuple[float, ...] | None = (
         None  # of how the indenter's path differs, at each step; None: all of it
     )
+
+    @cached_property
+    def inputs(self) -> str:
+        """The digest of all that decides the derivative beside the run that it belongs to."""
+        without = self.without and model_inputs(self.without, self.laws)
+        own = [model_inputs(self.study, self.laws), self.amount, self.alone, without, self.share]
+        return digest([*own, self.instead and self.instead.inputs])
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gelforge.mechanics.contact.state import State
-from gelforge.mechanics.solving.equilibrium import NotConverged, Press, Watch
+from gelforge.mechanics.solving.equilibrium import NotConverged, Press, Watch, padded
 
 MAX_SOLVES = 12  # of one step: the secant takes three to five
 SHARE_OF_GAP = 1e-2  # of the contact's own tolerance: to this the place of the indenter is found
@@ -21,14 +21,15 @@ def follow_yielding(
     yielding: np.ndarray | None,
     times: np.ndarray | None = None,
     watch: Watch | None = None,
+    begun: np.ndarray | None = None,
 ) -> Iterator[State]:
     """Yield the state at each commanded centre (n, 3) or (n, 6) [mm] in turn; a step that fails is halved.
 
     yielding (3,) [mm/N] points along the path, its length is the compliance c: the indenter is at the commanded centre
     minus c (F . a) a, a the unit vector along the path and F the force on the body. Friction is counted from the last
     state that balances, not from trials. yielding None: nothing yields, as Press.follow. times (n,) [s]: as there; so is
-    watch, which is called where nothing yields.
-    Raises NotConverged.
+    watch, which is called where nothing yields. begun (3,) or (6,): the commanded centre at the start, if not the
+    indenter's. Raises NotConverged.
     """
     if yielding is None:
         yield from press.follow(start, commanded, watch, times)
@@ -37,8 +38,9 @@ def follow_yielding(
     commanded = np.asarray(commanded, dtype=float)
     c = float(np.linalg.norm(yielding))
     along = np.pad(yielding / c, (0, commanded.shape[1] - 3))
-    at = np.pad(start.centre, (0, commanded.shape[1] - len(start.centre)))
-    previous, state, lag, growth = None, replace(start, centre=at), 0.0, 0.0
+    centre = padded(start.centre, commanded.shape[1])
+    at = centre if begun is None else padded(begun, commanded.shape[1])
+    previous, state, lag, growth = None, replace(start, centre=centre), float((at - centre) @ along), 0.0
     for number, target in enumerate(commanded):
         iterations = factorisations = 0
         pending: list[tuple[np.ndarray, int, float | None]] = []  # aim, halvings, time

@@ -16,7 +16,7 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
 from gelforge.mismatch.fem.solver import asked_of, forgetting
-from gelforge.mismatch.fem.stored import described, place_digest, write_stored
+from gelforge.mismatch.fem.stored import place_digest, write_stored
 from gelforge.mismatch.free_forms import asked_for
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.images_of_presses import image_of
@@ -76,9 +76,9 @@ def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation,
     for zero_by in ZERO_BY:
         for one in asked_of(replace(solver, zero_by=zero_by), effects, blank, planned):
             key, variation = one.key, one.variation
-            if (own := described(variation)) in known:
+            if variation.inputs in known:
                 continue
-            known.append(own)
+            known.append(variation.inputs)
             parameter = one.effect.parameters[one.which]
             words = {"effect": one.effect.name, "parameter": parameter.name, "unit": parameter.unit}
             found[key if key not in found else f"{key} by {zero_by}"] = (

@@ -1,13 +1,15 @@
 """Solutions by the finite elements that a verdict needs, each kept by the digest of all that decides it.
 
-A solution is of one path: on the study's own mesh (`fine`), with derivatives on a coarser mesh (`follow`), there
-with a study's effects (`plain`), in time (`timed`), or one path after another on a sensor that remembers (`in_order`).
+A solution is of one place: a loading on the study's own mesh (`fine`); on a coarser mesh a loading with derivatives and
+unloading from its depths (`follow`), a path in time (`timed`), or one path after another on a sensor that remembers
+(`in_order`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -30,10 +32,17 @@ from gelforge.indentation.solving.sensitivities import (
     subtracted,
     unmirrored,
 )
-from gelforge.indentation.solving.simulate import simulate_cell, simulate_in_order, simulate_trajectory
+from gelforge.indentation.solving.simulate import (
+    Solution,
+    simulate_cell,
+    simulate_in_order,
+    simulate_trajectory,
+    solved_cell,
+)
+from gelforge.indentation.solving.unloading import unloaded
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.fem.stored import described, path_at, place_digest, read_stored, slope_digest
+from gelforge.mismatch.fem.stored import place_digest, read_stored, slope_digest
 from gelforge.workers import each
 
 
@@ -64,7 +73,7 @@ class Unsolved:
         return f"{where} during unloading from {self.way_up_from_mm:g} mm on {self.mesh}: {self.reason}"
 
 
-PATHS = "paths of the indenter solved"
+SITES = "sites solved"
 OWN_MESH, COARSER_MESH = "the study's mesh", "the coarser mesh (mismatch.coarser)"
 
 
@@ -83,7 +92,23 @@ class Solver:
     zero_by: str = "press"  # what depth zero was found for, once: an indentation or the session; tilt is seen differently
     stored: Path | None = None  # folder of the derivatives of the study's own sites
 
-    @property
+    @cached_property
+    def planned(self) -> list[PlannedCell]:
+        """Return the study's own sites; none where nothing of them is stored."""
+        return list(plan_cells(self.study).values()) if self.cells or self.stored else []
+
+    def planned_at(self, x_mm: float, y_mm: float) -> Iterator[PlannedCell]:
+        """Yield the study's own sites at a position."""
+        for cell in self.planned:
+            if within(gaps_to((cell.x_mm, cell.y_mm), (x_mm, y_mm))[0]):
+                yield cell
+
+    def stored_at(self, x_mm: float, y_mm: float) -> Path | None:
+        """Return the file with the derivatives of a position; None where nothing is stored of it."""
+        names = (cell.source or cell.name for cell in self.planned_at(x_mm, y_mm))
+        return next((self.stored / f"{name}.h5" for name in names), None) if self.stored else None
+
+    @cached_property
     def coarse(self) -> Study:
         """Return the study on the coarser mesh."""
         mesh = self.study.mechanics.mesh.coarser(self.study.mismatch.coarser)
@@ -99,7 +124,7 @@ class Solver:
 
     def each(self, work: Callable, tasks: Sequence) -> list:
         """Return work(task) of every task, side by side."""
-        return each(work, tasks, self.workers, PATHS)
+        return each(work, tasks, self.workers, SITES)
 
 
 def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
@@ -117,9 +142,7 @@ def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
     """Return the forces of the study's own site at a position, where it has all these depths and these settings."""
     if solver.cells is None:
         return None
-    for cell in plan_cells(solver.study).values():
-        if not within(gaps_to((cell.x_mm, cell.y_mm), (planned.x_mm, planned.y_mm))[0]):
-            continue
+    for cell in solver.planned_at(planned.x_mm, planned.y_mm):
         where = [k for d in planned.depths_mm for k, own in enumerate(cell.depths_mm) if abs(own - d) < 1e-6]
         if cell.follows_a_path or len(where) != len(planned.depths_mm):
             continue
@@ -133,59 +156,71 @@ def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
     return None
 
 
-def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, np.ndarray] | Unsolved:
-    """Return of a loading on the coarser mesh the base forces (D, 3) and its derivatives along laws and variations.
+def follow(task: tuple) -> dict[str, np.ndarray] | Unsolved:
+    """Return of a loading on the coarser mesh its forces (D, 3) as `base`, and its derivatives along laws and variations.
 
-    A derivative that could not be had is missing, "reason KEY" says why. Where the base itself could not be had: from where
-    on.
+    task: solver, loading, variations by name, and runs that unload from its depths (`unloading_key` names their forces). A
+    derivative that could not be had is missing, "reason KEY" says why. Where forces could not be had: from where on.
     """
-    solver, down, variations = task
+    solver, down, variations, *runs = task
     study, laws = solver.coarse, dict(solver.laws)
     asked = variations | along_laws(solver, study)
-    known = _stored(solver, down, asked)
-    run = [inputs_digest(study, laws, down), source_digest("mismatch/fem/solutions.py")]
-    names = {key: digest(["along", *run, described(asked[key])]) for key in asked if key not in known}
-    if "base" not in known:
-        names["base"] = digest(["followed", *run])
+    known = _stored(solver, down, asked) if asked else {}
+    own = [inputs_digest(study, laws, down), source_digest("mismatch/fem/solutions.py")]
+    contents = {"base": ["followed", *own]}
+    contents |= {key: ["along", *own, one.inputs] for key, one in asked.items()}
+    contents |= {unloading_key(run): ["unloading", *own, run.depths_mm] for run in runs}
+    names = {key: digest(content) for key, content in contents.items() if key not in known}
     known |= {key: kept for key, name in names.items() if (kept := found_before(solver, name))}
-    missing = {key: asked[key] for key in asked if key not in known}
-    if "base" not in known or ("total" in known["base"] and missing):
-        try:
-            base, along = each_derivative(study, laws, down, missing)
-        except NotConverged as failure:
-            stopped = _way_down_of(simulate_cell(study, laws, down))
-            known["base"] = keep(solver, names["base"], stopped | {"reason": np.array(str(failure))})
-        else:
-            if "base" in names:
-                known["base"] = keep(solver, names["base"], {"total": base.arrays["total_force_N"]})
-            for key, one in along.items():
-                solved = {"reason": np.array(one)} if isinstance(one, str) else {"total": one.total}
-                known[key] = keep(solver, names[key], solved)
+    missing = [key for key in names if key not in known]
+    if missing and "reason" not in known.get("base", {}):
+        some = {key: one for key, one in asked.items() if key in missing}
+        solved = _followed(study, laws, down, some, [run for run in runs if unloading_key(run) in missing])
+        known |= {key: keep(solver, names[key], solved[key]) for key in missing if key in solved}
     if "reason" in known["base"]:
         return _unsolved(down, COARSER_MESH, known["base"])
-    found = {}
-    for key, arrays in known.items():
-        if "reason" in arrays:
-            found[f"reason {key}"] = arrays["reason"]
+    for run in sorted(runs, key=lambda run: max(run.depths_mm)):
+        if "reason" in (there := known[unloading_key(run)]):
+            x, y, peak = down.x_mm, down.y_mm, max(run.depths_mm)
+            return Unsolved(x, y, COARSER_MESH, str(there["reason"]), way_up_from_mm=peak)
+    missed = {f"reason {key}": one["reason"] for key, one in known.items() if "reason" in one}
+    return missed | {key: one["total"] for key, one in known.items() if "reason" not in one}
+
+
+def _followed(
+    study: Study, laws, down: PlannedCell, asked: Mapping[str, Variation], runs: Sequence[PlannedCell]
+) -> dict[str, dict[str, np.ndarray]]:
+    """Return what is kept of a loading, of its derivatives and of the runs that unload from its depths, by key."""
+    cell, solution = solved_cell(study, laws, down)
+    found = {"base": _way_down_of(cell)}
+    if not cell.converged:
+        return found
+    for run in runs:
+        peak = run.phases.index("unload") - 1
+        way_up = np.searchsorted(down.depths_mm, run.depths_mm[peak + 1 :])
+        try:
+            up = unloaded(solution, peak, way_up)
+        except NotConverged as failure:
+            found[unloading_key(run)] = {"reason": np.array(str(failure))}
         else:
-            found[key] = arrays["total"]
+            forces = np.vstack([cell.arrays["total_force_N"][: peak + 1], up])
+            found[unloading_key(run)] = {"total": forces}
+    along = each_derivative(study, laws, down, asked, solution)[1] if asked else {}
+    for key, one in along.items():
+        found[key] = {"reason": np.array(one)} if isinstance(one, str) else {"total": one.total}
     return found
 
 
-def with_unloading(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
-    """Return the base forces (D, 3) of a run with its unloading on the coarser mesh, or from which peak there are none."""
-    planned, found = task[1], plain(task)
-    if not isinstance(found, str):
-        return found
-    peak = max(planned.depths_mm)
-    return Unsolved(planned.x_mm, planned.y_mm, COARSER_MESH, found, way_up_from_mm=peak)
+def unloading_key(run: PlannedCell) -> str:
+    """Return the name of the forces of a run that unloads from one of a loading's depths."""
+    return f"unloading {run.depths_mm}"
 
 
 def _stored(
     solver: Solver, down: PlannedCell, asked: Mapping[str, Variation]
 ) -> dict[str, dict[str, np.ndarray]]:
     """Return what the study's stored derivatives say of a loading run: base and derivatives by key, or why none."""
-    path = solver.stored and path_at(solver.stored, solver.study, down.x_mm, down.y_mm)
+    path = solver.stored_at(down.x_mm, down.y_mm)
     if not path:
         return {}
     place = place_digest(solver.coarse, solver.laws, down.x_mm, down.y_mm)
@@ -194,10 +229,11 @@ def _stored(
     depths, found = np.array(down.depths_mm), {}
     if (base := held.base_at(depths)) is not None:
         found["base"] = {"total": base}
-    for key, variation in asked.items():
-        name = slope_digest(place, variation)
-        if (slope := held.slope_at(name, depths)) is not None:
-            found[key] = {"total": slope}
+    names = {key: slope_digest(place, variation) for key, variation in asked.items()}
+    slopes = held.slopes_at(names.values(), depths)
+    for key, name in names.items():
+        if name in slopes:
+            found[key] = {"total": slopes[name]}
         elif name in held.reasons:
             found[key] = {"reason": np.array(held.reasons[name])}
     return found
@@ -213,20 +249,28 @@ def along_laws(solver: Solver, study: Study) -> dict[str, Variation]:
 
 
 def each_derivative(
-    study: Study, laws, planned: PlannedCell, asked: Mapping[str, Variation]
+    study: Study,
+    laws,
+    planned: PlannedCell,
+    asked: Mapping[str, Variation],
+    solution: Solution | None = None,
 ) -> tuple[Cell, dict[str, Derivative | str]]:
-    """Return the base's run and its derivatives, each one or the reason why there is none.
+    """Return the base's run and its derivatives, each one or the reason why there is none; solution: the base's own.
 
     Raises NotConverged where the base does not converge.
     """
     beside = {key: variation for key, variation in asked.items() if not variation.alone}
     along: dict[str, Derivative | str] = {}
     try:
-        base, solved = derivatives(study, laws, planned, beside)
+        base, solved = derivatives(study, laws, planned, beside, solution)
         along |= solved
     except (NotConverged, ConfigError):  # one that fails must not take the others with it
-        base = derivatives(study, laws, planned, {})[0]
-        along |= {key: _one(study, laws, planned, variation) for key, variation in beside.items()}
+        base = derivatives(study, laws, planned, {}, solution)[0]
+        for key, variation in beside.items():
+            try:
+                along[key] = derivatives(study, laws, planned, {"": variation}, solution)[1][""]
+            except (NotConverged, ConfigError) as failure:
+                along[key] = str(failure)
     for key, variation in asked.items():
         if variation.alone:
             try:
@@ -250,34 +294,12 @@ def _way_down_of(cell: Cell) -> dict[str, np.ndarray]:
 
 
 def _unsolved(planned: PlannedCell, mesh: str, kept: Mapping[str, np.ndarray]) -> Unsolved:
-    """Return from where on a loading is not solved, as it was kept; nowhere where only its derivatives' run stopped."""
-    beyond = float(kept.get("beyond_mm", 0.0))
-    return Unsolved(planned.x_mm, planned.y_mm, mesh, str(kept["reason"]), beyond)
-
-
-def _one(study: Study, laws, planned: PlannedCell, variation: Variation) -> Derivative | str:
-    try:
-        return derivatives(study, laws, planned, {"": variation})[1][""]
-    except (NotConverged, ConfigError) as failure:
-        return str(failure)
-
-
-def plain(task: tuple[Solver, PlannedCell]) -> np.ndarray | str:
-    """Return the forces (D, 3) of a run on the coarser mesh with the effects of the study, or why there are none."""
-    solver, planned = task
-    study, laws = solver.coarse, dict(solver.laws)
-    name = digest(["plain", inputs_digest(study, laws, planned)])
-    kept = found_before(solver, name)
-    if kept is None:
-        cell = simulate_cell(study, laws, planned)
-        if not cell.converged:
-            return str(cell.attributes["reason"])
-        kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
-    return kept["total"]
+    """Return from where on a loading is not solved, as it was kept."""
+    return Unsolved(planned.x_mm, planned.y_mm, mesh, str(kept["reason"]), float(kept["beyond_mm"]))
 
 
 def timed(task: tuple[Solver, Trajectory]) -> np.ndarray | str:
-    """The same along a path in time."""
+    """Return the forces (D, 3) along a path in time on the coarser mesh, or why there are none."""
     solver, path = task
     study, laws = solver.coarse, dict(solver.laws)
     planned = PlannedCell("", path.x_mm, path.y_mm, path.depths_mm, phases=path.phases)

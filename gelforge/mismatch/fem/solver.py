@@ -2,7 +2,8 @@
 
 Base forces are those of the study's own mesh, during loading. Derivatives, unloading and everything with an effect are
 solved on a coarser mesh (mismatch.coarser), and only their difference from the base on that same mesh is used, times what
-the finer mesh makes of the pressing force: the mesh's error of a change is a small part of a small change. All solutions
+the finer mesh makes of the pressing force: the mesh's error of a change is a small part of a small change. Most changes
+are solved during loading, and unloading changes as the pressing force does from loading to unloading. All solutions
 are kept by the digest of what decides them, and an indentation stands for its mirror images where the sensor has them.
 """
 
@@ -29,10 +30,9 @@ from gelforge.mismatch.fem.solutions import (
     follow,
     in_order,
     own_cell,
-    plain,
     timed,
+    unloading_key,
     way_down,
-    with_unloading,
 )
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.model.effect import Effect, Shape
@@ -40,7 +40,7 @@ from gelforge.mismatch.model.images_of_presses import (
     carried,
     carried_derivative,
     image_of,
-    number_at_image,
+    numbers_at_image,
     solved_for_all,
 )
 from gelforge.mismatch.model.solver_effects import FirstOrder
@@ -49,6 +49,7 @@ from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
 MOST_MESH_ERROR = 1.5  # factor; beyond it (the unloading's last touch) the ratio says nothing
 REACH_MM = 7.0  # a defect whose middle is farther is not observable: a ball of 1.3 mm changes Fz by 0.6 %
+ALWAYS_SHOWN = ("base", "law ", "unloading ")
 Amounts = tuple[Effect, Shape, np.ndarray]
 
 
@@ -59,6 +60,9 @@ class Base:
     context: Context
     runs: Runs
     coarse: np.ndarray  # (R, 3) [N] base forces on the coarser mesh
+    loading: (
+        np.ndarray
+    )  # (R, 3) [N] the same, of readings during unloading those of loading at the same depth
     finer: np.ndarray  # (R, 1) by which changes on the coarser mesh are multiplied
     law: np.ndarray  # (R, 3, q) [N] per standard deviation of each uncertain direction of the laws
     floor: np.ndarray  # (R, 3) [N] discretisation error, one standard deviation
@@ -81,13 +85,16 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     curves = Curves(depths, tuple(_base_curves(solver, ways)))
     blank = Context(solver.study, observations, np.zeros_like(observations.force), curves, {}, {})
     asked = list(asked_of(solver, effects, blank))
-    followed = _followed(solver, runs, ways, asked)
+    followed = _on_runs(runs, ways, _followed(solver, ways, asked, runs))
     coarse_by_run = [result["base"] for result in followed]
     coarse = _as_it_was(remembering, observations, runs.at_readings(coarse_by_run))
     on_coarse = _loading_curves(runs, depths, coarse_by_run)
+    loading = runs.at_readings([result["loading"] for result in followed])
+    loading = _as_it_was(remembering, observations, loading, unloading=False)
     correction = blank.on_readings(curves) - blank.on_readings(on_coarse)
     force = coarse + correction
     finer = _share(force, coarse)
+    of_loading = finer * _share(coarse, loading)
     finer_along = [_share(values, own) for values, own in zip(curves.values, on_coarse.values)]
     failed: dict[str, str] = {}
     at_readings, along = {}, {}
@@ -97,17 +104,17 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
             failed[key] = missing[0]
             continue
         by_run = [r[key] if key in r else np.zeros_like(r["base"]) for r in followed]
-        at_readings[key] = finer * runs.at_readings(by_run)
+        at_readings[key] = of_loading * runs.at_readings(by_run)
         down = _loading_curves(runs, depths, by_run)
         along[key] = Curves(depths, tuple(f * own for f, own in zip(finer_along, down.values)))
     laws = [key for key in followed[0] if key.startswith("law ")]
-    law = [finer * runs.at_readings([r[key] for r in followed]) for key in laws]
+    law = [of_loading * runs.at_readings([r[key] for r in followed]) for key in laws]
     context = Context(remembering.study, observations, force, curves, along, at_readings)
     stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
     companion = _companion_curves(solver, ways, curves.values) or on_coarse.values
     bars = Curves(depths, tuple(base_bars(own, other) for own, other in zip(curves.values, companion)))
     alike = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
-    return Base(context, runs, coarse, finer, stacked, blank.on_readings(bars), alike, failed)
+    return Base(context, runs, coarse, loading, finer, stacked, blank.on_readings(bars), alike, failed)
 
 
 def _companion_curves(
@@ -125,9 +132,10 @@ def _companion_curves(
         return None
     study = solver.study.model_copy(update={"mismatch": settings.model_copy(update={"coarser": COARSER})})
     try:
-        return _each_solved(replace(solver, study=study), plain, ways)
-    except NotConverged:
+        found = _followed(replace(solver, study=study, uncertain={}), ways)
+    except SolverFailed:
         return None
+    return [one["base"] for one in found]
 
 
 def _solved_once(solver: Solver, ways: Sequence[PlannedCell]) -> np.ndarray:
@@ -147,47 +155,60 @@ def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray
     return [next(others) if stored is None else stored for stored in own]
 
 
-def _followed(solver: Solver, runs: Runs, ways: Sequence[PlannedCell], asked: Sequence[Asked]) -> list[dict]:
-    """Return per run the base forces (D, 3) on the coarser mesh and all derivatives that it can show, or reasons.
+def _followed(
+    solver: Solver, ways: Sequence[PlannedCell], asked: Sequence[Asked] = (), runs: Runs | None = None
+) -> list[dict]:
+    """Return per loading the forces (D, 3) on the coarser mesh, and all derivatives that it can show or reasons why not.
 
-    Derivatives are those of its site's loading, ways[site], at the same depths, also during unloading.
+    runs: also the forces of those that unload from the depths of their site's loading. Raises SolverFailed.
     """
-    at_images, symmetries = solved_for_all(
-        solver.study,
-        ways,
-        lambda distinct: _base(solver.each(follow, [(solver, way, felt_by(asked, way)) for way in distinct])),
-    )
+    unloadings: dict[PlannedCell, dict[PlannedCell, None]] = {}  # by loading; a set in order
+    for run, site in zip(runs.planned, runs.site) if runs else ():
+        if run.phases:
+            own = unloadings.setdefault(image_of(solver.study, ways[site])[0], {})
+            own[image_of(solver.study, run)[0]] = None
+
+    for one in asked:
+        assert one.variation.inputs  # found once, not by every task
+
+    def solve(distinct: list[PlannedCell]) -> list:
+        tasks = [(solver, way, felt_by(asked, way), *unloadings.get(way, ())) for way in distinct]
+        return _base(solver.each(follow, tasks))
+
+    at_images, symmetries = solved_for_all(solver.study, ways, solve)
     width = solver.study.sensor.width_x_mm
-    of_ways = [carried_derivatives(*one, asked, width) for one in zip(at_images, symmetries)]
-    unloaded = iter(_unloadings(solver, [run for run in runs.planned if run.phases]))
+    return [carried_derivatives(*one, asked, width) for one in zip(at_images, symmetries)]
+
+
+def _on_runs(runs: Runs, ways: Sequence[PlannedCell], by_way: Sequence[dict]) -> list[dict]:
+    """Return what loadings (`_followed`) say of each run: `base`, and the rest at the same depths of its site's loading.
+
+    `loading`: the forces of the loading at these depths.
+    """
     found = []
     for run, site in zip(runs.planned, runs.site):
         step = np.searchsorted(ways[site].depths_mm, run.depths_mm)  # its depths are all among them
-        own = {k: v if k.startswith("reason ") else v[step] for k, v in of_ways[site].items()}
-        found.append(own | {"base": next(unloaded)} if run.phases else own)
+        all_along = {k: v for k, v in by_way[site].items() if not k.startswith("unloading ")}
+        own = {k: v if k.startswith("reason ") else v[step] for k, v in all_along.items()}
+        base = by_way[site].get(unloading_key(run), own["base"])
+        found.append(own | {"base": base, "loading": own["base"]})
     return found
-
-
-def _unloadings(solver: Solver, planned: Sequence[PlannedCell]) -> list[np.ndarray]:
-    """Return the base forces (D, 3) of runs with unloading on the coarser mesh."""
-    found, symmetries = solved_for_all(
-        solver.study,
-        planned,
-        lambda distinct: _base(solver.each(with_unloading, [(solver, run) for run in distinct])),
-    )
-    return [carried(total, symmetry) for total, symmetry in zip(found, symmetries)]
 
 
 def carried_derivatives(
     image: Mapping[str, np.ndarray], symmetry: str, asked: Sequence[Asked], width_mm: float
 ) -> dict[str, np.ndarray]:
-    """Return vectors (D, ..., 3) solved at a mirror image as those here: `base`, `law` and the asked ones that it shows.
+    """Return vectors (D, ..., 3) solved at a mirror image as those here: forces, `law`s and the asked ones that it shows.
 
     The reason why one could not be had stays a reason.
     """
-    own = {key: carried(image[key], symmetry) for key in image if key == "base" or key.startswith("law ")}
+    own = {key: carried(image[key], symmetry) for key in image if key.startswith(ALWAYS_SHOWN)}
+    numbers: dict[str, list[int]] = {}  # of each effect's shapes, at the image
     for one in asked:
-        keys = one.keys_at_image(symmetry, width_mm)
+        name = one.effect.name
+        if name not in numbers:
+            numbers[name] = numbers_at_image(one.shapes, symmetry, width_mm)
+        keys = one.keys_of(numbers[name][one.number])
         reasons = [image[f"reason {key}"] for key in keys if f"reason {key}" in image]
         if reasons:
             own[f"reason {one.key}"] = reasons[0]
@@ -218,7 +239,9 @@ def forgetting(solver: Solver) -> Solver:
     return replace(solver, study=solver.study.model_copy(update={"mechanics": mechanics}), cells=None)
 
 
-def _as_it_was(solver: Solver, observations: Observations, at_rest: np.ndarray) -> np.ndarray:
+def _as_it_was(
+    solver: Solver, observations: Observations, at_rest: np.ndarray, unloading: bool = True
+) -> np.ndarray:
     """Return the base forces (R, 3) on the coarser mesh in the time, age and warmth of the readings.
 
     at_rest: those at the study's own age of layers that remember nothing; a study that knows no time has no others. Raises
@@ -228,7 +251,7 @@ def _as_it_was(solver: Solver, observations: Observations, at_rest: np.ndarray) 
     if not (effects.history.any or _feels_circumstances(solver.study)):
         return at_rest
     try:
-        return _solved_with(solver, unmirrored(solver.study), observations)
+        return _solved_with(solver, unmirrored(solver.study), observations, unloading)
     except NotConverged as failure:
         raise SolverFailed(
             f"the nominal model, followed in the time of the readings, does not converge: {failure}"
@@ -254,8 +277,9 @@ def forces_with(
     """Return the forces (R, 3) [N] at readings (R,) bool with some effects, by the finite elements; nan at the others.
 
     Indentations are followed as a whole, whatever was chosen of them, and where the gel softens all of them: what
-    remembers, or looks at the way before a reading, must not take the others for missing. Effects that are not solved act
-    on the forces that result. Raises NotConverged.
+    remembers, or looks at the way before a reading, must not take the others for missing. What leaves the contact as it is
+    and remembers nothing is solved during loading: unloading changes by the same share at the same depth. Effects that are
+    not solved act on the forces that result. Raises NotConverged.
     """
     context = base.context
     press = context.observations.table["press"].to_numpy()
@@ -266,11 +290,20 @@ def forces_with(
     part = context.chosen(whole).observations
     changes = np.zeros_like(context.force[whole])
     for felt, there in _by_what_is_felt(part, switched_on):
-        solved = _solved_with(solver, _with(solver.study, felt), part.chosen(there))
-        changes[there] = base.finer[whole][there] * (solved - base.coarse[whole][there])
+        study = _with(solver.study, felt)
+        unloading = _changes_unloading(solver.study, study)
+        solved = _solved_with(solver, study, part.chosen(there), unloading)
+        before, more = (base.coarse, 1.0) if unloading else (base.loading, _share(base.coarse, base.loading))
+        changes[there] = (base.finer * more)[whole][there] * (solved - before[whole][there])
     force = context.force.copy()
     force[whole] += changes @ base.sensor.T
     return np.where(rows[:, None], read_with(base, chosen, force), np.nan)
+
+
+def _changes_unloading(study: Study, other: Study) -> bool:
+    """Return whether another study unloads otherwise than by the share of the force that its loading changes by."""
+    one, two = study.mechanics, other.mechanics
+    return two.effects.history.any or (one.friction, one.contact) != (two.friction, two.contact)
 
 
 def read_with(base: Base, chosen: Sequence[Amounts], force: np.ndarray) -> np.ndarray:
@@ -318,12 +351,15 @@ def _reaches(shape: Shape, x: float, y: float) -> bool:
     return bool(np.hypot(float(shape["x_mm"]) - x, float(shape["y_mm"]) - y) <= REACH_MM)
 
 
-def _solved_with(solver: Solver, study: Study, observations: Observations) -> np.ndarray:
-    """Return the forces (R, 3) at all readings on the coarser mesh with a study's effects, sessions as they were."""
+def _solved_with(solver: Solver, study: Study, observations: Observations, unloading: bool) -> np.ndarray:
+    """Return the forces (R, 3) at all readings on the coarser mesh with a study's effects, sessions as they were.
+
+    unloading: False: of readings during unloading those of loading at the same depth, where nothing remembers.
+    """
     table, force = observations.table, np.empty_like(observations.force)
     stands = ["age_days", "temperature_C"]
     if not _feels_circumstances(study):
-        return _coarse_forces(solver, study, observations)
+        return _coarse_forces(solver, study, observations, unloading)
     for _, rows in table.groupby(stands, dropna=False).indices.items():
         own = {
             name: float(table[name].iloc[rows[0]])
@@ -333,28 +369,28 @@ def _solved_with(solver: Solver, study: Study, observations: Observations) -> np
         chosen = np.zeros(len(table), bool)
         chosen[rows] = True
         there = with_keys(study, material={"circumstances": own})
-        force[chosen] = _coarse_forces(solver, there, observations.chosen(chosen))
+        force[chosen] = _coarse_forces(solver, there, observations.chosen(chosen), unloading)
     return force
 
 
-def _coarse_forces(solver: Solver, study: Study, observations: Observations) -> np.ndarray:
-    own = replace(solver, study=study)
+def _coarse_forces(solver: Solver, study: Study, observations: Observations, unloading: bool) -> np.ndarray:
+    own = replace(solver, study=study, uncertain={})
     history = study.mechanics.effects.history
     if not history.any:
         runs = runs_of(observations)
-        return runs.at_readings(_each_solved(own, plain, runs.planned))
+        ways = _ways_down(runs)
+        try:
+            followed = _followed(own, ways, runs=runs if unloading else None)
+        except SolverFailed as failure:
+            raise NotConverged("; ".join(one.reason for one in failure.presses)) from None
+        return runs.at_readings([run["base"] for run in _on_runs(runs, ways, followed)])
     paths = timed_runs_of(observations, history.timing.step_mm, history.softens)
     if history.softens:
         return paths.at_readings(_solved([*in_order(own, paths.trajectories)]))
-    return paths.at_readings(_each_solved(own, timed, paths.trajectories))
-
-
-def _each_solved(solver: Solver, work, paths: Sequence) -> list[np.ndarray]:
-    """Return the forces (D, 3) along each path, mirror images carried. Raises NotConverged."""
     found, symmetries = solved_for_all(
-        solver.study, paths, lambda distinct: _solved(solver.each(work, [(solver, p) for p in distinct]))
+        study, paths.trajectories, lambda distinct: _solved(own.each(timed, [(own, p) for p in distinct]))
     )
-    return [carried(total, symmetry) for total, symmetry in zip(found, symmetries)]
+    return paths.at_readings([carried(total, symmetry) for total, symmetry in zip(found, symmetries)])
 
 
 def _solved(found: list[np.ndarray | str]) -> list[np.ndarray]:
@@ -405,15 +441,12 @@ class Asked:
 
     @property
     def key(self) -> str:
-        return self._key(self.number, self.which)
+        return self.keys_of(self.number)[self.which]
 
-    def keys_at_image(self, symmetry: str, width: float) -> list[str]:
-        """Return the keys of the same effect, one per value, at the image that a symmetry carries here."""
-        number = number_at_image(self.shapes, self.number, symmetry, width)
-        return [self._key(number, which) for which in range(len(self.effect.parameters))]
-
-    def _key(self, number: int, which: int) -> str:
-        return key_of(self.effect, number if len(self.shape) else None, which)
+    def keys_of(self, number: int) -> list[str]:
+        """Return the keys of the effect at one of its shapes, one per value."""
+        values = range(len(self.effect.parameters))
+        return [key_of(self.effect, number if len(self.shape) else None, which) for which in values]
 
 
 def asked_of(

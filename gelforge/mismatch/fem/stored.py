@@ -8,7 +8,7 @@ catalogue at all their shapes, uncertain directions of the laws, boxes of the bo
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,9 +18,7 @@ from scipy.interpolate import PchipInterpolator
 from gelforge.files import FileError, digest, source_digest
 from gelforge.hdf5 import opened, writing
 from gelforge.indentation.cells.cell_file import write_timings
-from gelforge.indentation.paths.places import gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import plan_cells
 from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.indentation.solving.sensitivities import Derivative, Variation
 from gelforge.mechanics.laws.law import PrincipalLaw
@@ -47,13 +45,15 @@ class Stored:
         away = np.abs(self.depths_mm[:, None] - depths)
         return self.total[away.argmin(axis=0)] if (away.min(axis=0) < DEPTH_MATCH_MM).all() else None
 
-    def slope_at(self, name: str, depths: np.ndarray) -> np.ndarray | None:
-        """Return a derivative (n, 3) at depths (n,) [mm], monotone cubic between those solved; None beyond them."""
-        if name not in self.slopes or depths.max() > self.depths_mm[-1] + DEPTH_MATCH_MM:
-            return None
+    def slopes_at(self, names: Iterable[str], depths: np.ndarray) -> dict[str, np.ndarray]:
+        """Return derivatives (n, 3) at depths (n,) [mm], monotone cubic between those solved; those that it holds."""
+        held = [name for name in names if name in self.slopes]
+        if not held or depths.max() > self.depths_mm[-1] + DEPTH_MATCH_MM:
+            return {}
         knots = np.concatenate([[0.0], self.depths_mm])
-        values = np.vstack([np.zeros(3), self.slopes[name]])
-        return PchipInterpolator(knots, values, axis=0)(np.clip(depths, 0.0, knots[-1]))
+        values = np.stack([np.vstack([np.zeros(3), self.slopes[name]]) for name in held], axis=1)
+        found = PchipInterpolator(knots, values, axis=0)(np.clip(depths, 0.0, knots[-1]))
+        return dict(zip(held, np.moveaxis(found, 1, 0)))
 
 
 def place_digest(study, laws: Mapping[str, PrincipalLaw], x_mm: float, y_mm: float) -> str:
@@ -64,15 +64,7 @@ def place_digest(study, laws: Mapping[str, PrincipalLaw], x_mm: float, y_mm: flo
 
 def slope_digest(place: str, variation: Variation) -> str:
     """Return the digest of all that decides a derivative at a place."""
-    return digest(["along", place, described(variation)])
-
-
-def described(variation: Variation) -> list:
-    """Return all that decides a derivative beside the run that it belongs to."""
-    without = variation.without.model_dump(mode="json") if variation.without else None
-    laws = {material: law.description() for material, law in variation.laws.items()}
-    own = [variation.study.model_dump(mode="json"), laws, variation.amount, variation.alone, without]
-    return [*own, described(variation.instead)] if variation.instead else own
+    return digest(["along", place, variation.inputs])
 
 
 def write_stored(
@@ -133,11 +125,3 @@ def read_stored(path: Path, place: str) -> Stored | None:
         return None
     slopes = dict(zip([one["digest"] for one in known], slopes))
     return Stored(depths, total, slopes, {one["digest"]: one["reason"] for one in missing})
-
-
-def path_at(folder: Path, study, x_mm: float, y_mm: float) -> Path | None:
-    """Return the file of a place among the plan's; None where the plan has no such place."""
-    for cell in plan_cells(study).values():
-        if within(gaps_to((cell.x_mm, cell.y_mm), (x_mm, y_mm))[0]):
-            return folder / f"{cell.source or cell.name}.h5"
-    return None

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from gelforge.config import Study, study_from
-from gelforge.config.basis.variants import merged
+from gelforge.config import Study, changed_study
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
@@ -60,7 +59,7 @@ def _with_friction(study: Study, references: Sequence[float], basis: np.ndarray,
     excess, *exponents = np.linalg.lstsq(basis, change, rcond=None)[0]  # exact: the map is made of them
     width = CATALOGUE["friction"].parameters[0].width
     mu = float(np.clip(study.mechanics.friction + width * excess, 0.0, MOST))
-    study = study_from(merged(study.model_dump(mode="json"), {"mechanics": {"friction": mu}}))
+    study = changed_study(study, {"mechanics": {"friction": mu}})
     (most,) = TERM.parameters[0].bounds[1:]
     return with_terms(study, {p: np.clip(WIDTH * n, -most, most) for p, n in zip(references, exponents)})
 

@@ -25,7 +25,6 @@ from gelforge.mismatch.fem.solutions import (
     keep,
 )
 from gelforge.mismatch.fem.solver import Asked, carried_derivatives, felt_by
-from gelforge.mismatch.fem.stored import described
 from gelforge.mismatch.model.images_of_presses import inverse, solved_for_all
 from gelforge.virtual_lab.particles import interpolation
 
@@ -88,7 +87,7 @@ def moved_along(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> Moved
     solver, planned, variations = task
     study, laws = storing(solver.coarse), dict(solver.laws)
     asked = along_laws(solver, study) | {key: _storing(variation) for key, variation in variations.items()}
-    about = {key: described(variation) for key, variation in asked.items()}
+    about = {key: variation.inputs for key, variation in asked.items()}
     own = [inputs_digest(study, laws, planned), about, source_digest("mismatch/images/flow_fields.py")]
     name = digest(["moved along", own])
     kept = found_before(solver, name)

@@ -66,13 +66,17 @@ def carried_derivative(
     return carried(np.sum(parts, axis=0), symmetry) if parts else None
 
 
-def number_at_image(shapes: Sequence[Shape], number: int, symmetry: str, width: float) -> int:
-    """Return the number of the shape at the image, of the one of this number at the path: located ones move with it."""
-    if "x_mm" not in shapes[number] or symmetry == "identity":
-        return number
-    own = np.array([[shape["x_mm"], shape["y_mm"]] for shape in shapes])
-    there = transform_points(inverse(symmetry), own[number], width)
+def numbers_at_image(shapes: Sequence[Shape], symmetry: str, width: float) -> list[int]:
+    """Return for each shape at the path its number at the image: located ones move with it."""
+    if symmetry == "identity":
+        return [*range(len(shapes))]
     rest = [{k: v for k, v in shape.items() if k not in ("x_mm", "y_mm")} for shape in shapes]
-    alike = np.array([other == rest[number] for other in rest])
-    away = np.where(alike, np.abs(own - there).max(axis=1), np.inf)
-    return int(np.argmin(away))
+    own = np.array([[shape.get("x_mm", np.nan), shape.get("y_mm", np.nan)] for shape in shapes], float)
+    there = transform_points(inverse(symmetry), own, width)
+    found = []
+    for number, (shape, place) in enumerate(zip(rest, there)):
+        if "x_mm" in shapes[number]:
+            alike = np.array([other == shape for other in rest])
+            number = int(np.argmin(np.where(alike, np.abs(own - place).max(axis=1), np.inf)))
+        found.append(number)
+    return found

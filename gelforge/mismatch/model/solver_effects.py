@@ -8,8 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from gelforge.config import Effects, Mechanics, Study, study_from
-from gelforge.config.basis.variants import merged
+from gelforge.config import Effects, Mechanics, Study, changed_study
 from gelforge.indentation.effects.catalogue import CATALOGUE, Place, with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.model.context import Context
@@ -112,7 +111,7 @@ def turned_round(changes: Callable[[Mechanics], dict]):
             raise ValueError(f"a simplification is turned round (1) or kept (0), found {a:g}")
         if a == 0:
             return study
-        return study_from(merged(study.model_dump(mode="json"), {"mechanics": changes(study.mechanics)}))
+        return changed_study(study, {"mechanics": changes(study.mechanics)})
 
     return to_study
 

@@ -1,0 +1,19 @@
+"""Unloading from the depths of a loading: each path begins at the state that the loading has reached there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gelforge.indentation.solving.simulate import Solution
+from gelforge.mechanics.solving.yielding import follow_yielding
+
+
+def unloaded(solution: Solution, peak: int, poses: np.ndarray) -> np.ndarray:
+    """Return the forces (n, 3) [N] of an unloading from pose number `peak` of a solved loading through earlier poses (n,).
+
+    They are those of one path through the loading to its peak and back. The body must not remember. Raises NotConverged.
+    """
+    model, reached = solution.model, solution.followed.states[peak]
+    way = model.centres[poses]
+    states = follow_yielding(solution.press, reached, way, model.yielding, begun=model.centres[peak])
+    return np.array([state.force for state in states]).reshape(-1, 3)
