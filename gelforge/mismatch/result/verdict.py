@@ -410,6 +410,7 @@ class Verdict(Section):
     outliers: list[Outlier] = Field([], description="Readings that were left out")
     sensor: SensorShape | None = Field(None, description="The sensor as drawn; empty for a material test")
     provenance: Provenance = Field(description="What the verdict rests on")
+    tables: dict[str, str] = Field({}, description="SHA-256 of each table in the same folder, by its name")
 
     def __repr__(self) -> str:
         groups = (f"  {group.probability:.3g}: {' or '.join(group.names)}" for group in self.answer)
