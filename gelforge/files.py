@@ -185,7 +185,8 @@ def check_seal(
 ) -> None:
     """Raise an error of a kind, naming file and remedy, for a file that is missing, damaged, edited or cannot be read.
 
-    stated: the SHA-256 of the whole file where another file holds it; otherwise the file holds its own. A file that was found whole is not read again in this process while size and time of change stay the same.
+    stated: the SHA-256 of the whole file where another file holds it; otherwise the file holds its own. A file that was
+    found whole is not read again in this process while size and time of change stay the same.
     """
     path = Path(path)
     try:

@@ -53,7 +53,14 @@ COLUMNS = {
     # middle of a region in the image as taken, from the top left pixel's middle, and its mean flow since the reference image
     FLOW: Columns(
         ("session", "press"),
-        ("x_mm", "y_mm", "depth_mm", "middle_u_px", "middle_v_px", *_of("uv", "px", "measured", "base", "sigma")),
+        (
+            "x_mm",
+            "y_mm",
+            "depth_mm",
+            "middle_u_px",
+            "middle_v_px",
+            *_of("uv", "px", "measured", "base", "sigma"),
+        ),
         _of("uv", "px", "after"),
     ),
     # one row per judged place and depth while loading; cells are empty where the model does not hold
