@@ -2,7 +2,8 @@
 
 A product that a later stage reads holds the SHA-256 of its own bytes as `sha256:` and 64 digits, which count as zeros in
 the sum: in the user block of HDF5, in the comment of a zip archive (model.pt, npz), as the first key of JSON, as the name
-of a last, empty column of a CSV table. Other programs read such files as before; who changes one seals it anew (`seal`).
+of a last, empty column of a CSV table; of a verdict's tables verdict.json holds it. Other programs read such files as
+before; who changes one seals it anew (`seal`).
 """
 
 from __future__ import annotations

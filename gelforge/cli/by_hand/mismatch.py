@@ -39,6 +39,7 @@ def judge(
             stage("page")
             write_mismatch_page(out)
     print(f"{verdict.state}: {verdict.sentence}")
+    print(f"next: {verdict.next_step}")
     print(f"written to {out}")
 
 
