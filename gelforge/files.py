@@ -2,7 +2,8 @@
 
 A product that a later stage reads holds the SHA-256 of its own bytes as `sha256:` and 64 digits, which count as zeros in
 the sum: in the user block of HDF5, in the comment of a zip archive (model.pt, npz), as the first key of JSON, as the name
-of a last, empty column of a CSV table. Other programs read such files as before; who changes one seals it anew (`seal`).
+of a last, empty column of a CSV table; of a verdict's tables verdict.json holds it. Other programs read such files as
+before; who changes one seals it anew (`seal`).
 """
 
 from __future__ import annotations
@@ -180,17 +181,20 @@ def seal(path: str | Path) -> None:
         file.write(_sum(path, place).encode())
 
 
-def check_seal(path: str | Path, remedy: str, kind: type[ValueError] = FileError) -> None:
+def check_seal(
+    path: str | Path, remedy: str, kind: type[ValueError] = FileError, stated: str | None = None
+) -> None:
     """Raise an error of a kind, naming file and remedy, for a file that is missing, damaged, edited or cannot be read.
 
-    A file that was found whole is not read again in this process while size and time of change stay the same.
+    stated: the SHA-256 of the whole file where another file holds it; otherwise the file holds its own. A file that was
+    found whole is not read again in this process while size and time of change stay the same.
     """
     path = Path(path)
     try:
         known = os.stat(path)
         if not os.path.isfile(path):  # a pipe would be waited for
             raise kind(f"{path}: is {what_it_is(path) or 'no regular file'}; name a file in results/<study>")
-        _check_seal(str(path), (known.st_ino, known.st_size, known.st_mtime_ns, known.st_ctime_ns))
+        _check_seal(str(path), (known.st_ino, known.st_size, known.st_mtime_ns, known.st_ctime_ns), stated)
     except _OfAnotherKind as found:
         raise kind(f"{path}: {found}") from None
     except _Unsound as found:
@@ -216,7 +220,10 @@ class _OfAnotherKind(_Unsound):
 
 
 @cache
-def _check_seal(path: str, state: tuple[int, ...]) -> None:
+def _check_seal(path: str, state: tuple[int, ...], stated: str | None) -> None:
+    if stated is not None:
+        _compare(file_sha256(path), stated)
+        return
     place = _seal_place(Path(path))
     if place is None:
         if (what := what_it_is(path)) and what not in CONTAINERS:
@@ -225,7 +232,10 @@ def _check_seal(path: str, state: tuple[int, ...]) -> None:
     with open(path, "rb") as file:
         file.seek(place)
         stated = file.read(64).decode()
-    found = _sum(Path(path), place)
+    _compare(_sum(Path(path), place), stated)
+
+
+def _compare(found: str, stated: str) -> None:
     if found != stated:
         raise _Unsound(
             f"damaged or edited: its bytes have the SHA-256 {found[:12]}..., {stated[:12]}... was written"

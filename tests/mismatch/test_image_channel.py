@@ -35,7 +35,7 @@ from gelforge.mismatch.images.flow_rows import Rows
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.pipeline.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
 from gelforge.mismatch.result.verdict import read_verdict
-from gelforge.mismatch.result.verdict_tables import read_flow, read_readings
+from gelforge.mismatch.result.verdict_tables import FLOW, READINGS, read_table
 from gelforge.mismatch.summary.flow_section import after_of, flow_section
 from gelforge.mismatch.terms.problem import SCATTERED, SEEN_ERROR
 from gelforge.recording.readings import read_recording
@@ -154,11 +154,11 @@ def test_the_stage_tells_of_the_images(recorded, tmp_path):
     assert {"camera_scale", "camera_pose"} & set(verdict.answer[0].members)
     assert verdict.fit.flow.rmse_after_px < verdict.fit.flow.rmse_before_px
     assert verdict.where[0].channel == "flow"
-    readings = read_readings(tmp_path)
+    readings = read_table(tmp_path, READINGS)
     assert len(readings) == verdict.fit.before.readings and set(readings["axis"]) == {"x", "y", "z"}
     assert_allclose(readings["after_N"], readings["base_N"], rtol=1e-9)
     assert read_verdict(tmp_path).fit.flow == verdict.fit.flow
-    flow = read_flow(tmp_path)
+    flow = read_table(tmp_path, FLOW)
     for state, told in (("base", verdict.fit.flow.rmse_before_px), ("after", verdict.fit.flow.rmse_after_px)):
         left = np.column_stack([flow[f"measured_{axis}_px"] - flow[f"{state}_{axis}_px"] for axis in "uv"])
         assert_allclose(np.sqrt(np.mean(left**2)), told, rtol=1e-6)
@@ -380,7 +380,7 @@ def test_what_the_forces_find_predicts_the_images_better(study, truth, tmp_path)
     assert flow.used == "predicted" and flow.p < 1e-3
     # what is left is where the real particles lie: 0.3 px of 0.4
     assert flow.rmse_after_px < 0.8 * flow.rmse_before_px
-    table = read_flow(tmp_path)
+    table = read_table(tmp_path, FLOW)
     missing, found = (
         np.concatenate([table[f"{state}_{axis}_px"] - table[f"base_{axis}_px"] for axis in "uv"])
         for state in ("measured", "after")

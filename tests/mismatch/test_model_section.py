@@ -12,7 +12,7 @@ from test_findings import verdict
 
 from gelforge.csv_table import read_csv
 from gelforge.mismatch.inference.judge import judge
-from gelforge.mismatch.result.verdict_tables import CORRECTION, write_correction
+from gelforge.mismatch.result.verdict_tables import CORRECTION, write_tables
 from gelforge.mismatch.summary.findings import readings_table
 from gelforge.mismatch.summary.model_section import correction_table, model_section
 
@@ -76,10 +76,10 @@ def test_the_correction_has_every_judged_place_and_depth_while_loading(modelled,
     # 0.6 as of what was held out (test_discrepancy): the gel's own form is not the model's
     assert np.std(table["change_z_N"] - true) < 0.6 * np.std(true)
     assert (table[[f"sigma_{axis}_N" for axis in "xyz"]] >= 0).all(axis=None)
-    write_correction(tmp_path, table)
+    write_tables(tmp_path, {CORRECTION: table})
     written = read_csv(tmp_path / CORRECTION, numbers=list(table.columns))
     pd.testing.assert_frame_equal(written[table.columns].reset_index(drop=True), table, rtol=1e-6)
-    write_correction(tmp_path, None)
+    write_tables(tmp_path, {CORRECTION: None})
     assert not (tmp_path / CORRECTION).exists()
 
 

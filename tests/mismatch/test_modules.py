@@ -23,7 +23,7 @@ from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.posterior import Posterior
 from gelforge.mismatch.pipeline.patch import patch_of
 from gelforge.mismatch.result.verdict import VERDICT, Verdict, read_verdict, write_verdict
-from gelforge.mismatch.result.verdict_tables import MODULE, write_module
+from gelforge.mismatch.result.verdict_tables import MODULE, write_tables
 from gelforge.mismatch.summary.model_section import correction_table
 from gelforge.mismatch.terms.body_map import BOX, WIDTH, boxes
 from gelforge.mismatch.terms.energy_terms import TERM
@@ -172,9 +172,10 @@ def test_a_body_softer_to_one_side_is_said_with_its_map(modulus, tmp_path):
     upper = table["z_mm"] == table["z_mm"].max()
     assert np.corrcoef(table["mean"][upper], change[upper])[0, 1] > 0.9
     assert np.mean(np.abs(table["mean"] - change) < 2 * table["sigma"]) > 0.9
-    write_module(tmp_path, table)
+    write_tables(tmp_path, {MODULE: table})
     assert len(read_csv(tmp_path / MODULE, numbers=["mean", "sigma"])) == len(table)
-    write_module(tmp_path, None)
+    assert (tmp_path / MODULE).read_text().splitlines()[0].split(",") == list(table)  # whatever the map is a function of
+    write_tables(tmp_path, {MODULE: None})
     assert not (tmp_path / MODULE).exists()
 
 

@@ -22,7 +22,7 @@ from gelforge.mismatch.fem.solver import REACH_MM, base_of, forces_with
 from gelforge.mismatch.pipeline.design import planned_observations
 from gelforge.mismatch.pipeline.patch import patch_of
 from gelforge.mismatch.pipeline.stage import judge_recording, with_known
-from gelforge.mismatch.result.verdict_tables import read_readings
+from gelforge.mismatch.result.verdict_tables import READINGS, read_table
 
 DEPTHS = (0.6, 1.2)
 PLAN = {"grid": {"spacing_mm": 6.0, "margin_mm": 5.0}, "depths_mm": [0.6, 1.2]}
@@ -134,7 +134,7 @@ def test_a_verdict_s_patch_gives_its_figure_after(tmp_path):
     verdict = judge_recording(
         Solver(plain, specimens.STUDY_LAWS, {}, tmp_path / "solves"), [session], tmp_path, "two"
     )
-    (group, other), told = verdict.answer, read_readings(tmp_path)
+    (group, other), told = verdict.answer, read_table(tmp_path, READINGS)
     assert verdict.state == "identified" and {*group.members, *other.members} == {"gel_stiffness", "tilt"}
     there = patched(plain, yaml.safe_load((tmp_path / "config.patch.yaml").read_text()))
     presses = after_of(there, told)

@@ -21,7 +21,7 @@ from gelforge.mismatch.pipeline.stage import check_matches, judge_recording, tol
 from gelforge.mismatch.readings import sessions
 from gelforge.mismatch.readings.sessions import observe, session_folders
 from gelforge.mismatch.result.verdict import read_verdict
-from gelforge.mismatch.result.verdict_tables import read_readings
+from gelforge.mismatch.result.verdict_tables import READINGS, check_tables, read_table
 from gelforge.mismatch.terms.candidates import effects_of_forces
 
 # The recordings are made on the study's own coarse mesh, so that they do not show its error: it is stated as small.
@@ -90,7 +90,7 @@ def test_the_patched_study_s_presses_are_near_the_figure_after(kept, session, tm
     study = only("body_stiffness", "tilt", "contact_zero")
     verdict = judge_recording(solver(kept, study), [session], tmp_path, "stiffer")
     assert verdict.answer[0].members == ["body_stiffness"]
-    told, patch = read_readings(tmp_path), yaml.safe_load((tmp_path / "config.patch.yaml").read_text())
+    told, patch = read_table(tmp_path, READINGS), yaml.safe_load((tmp_path / "config.patch.yaml").read_text())
     presses = after_of(study_from(merged(small().model_dump(mode="json"), patch)), told)
     largest = np.abs(told["after_N"] - told["base_N"]).max()
     assert np.abs(presses - told["after_N"]).max() < 0.1 * largest
@@ -107,7 +107,9 @@ def test_tables_and_verdict_read_back(kept, session, tmp_path):
     verdict = judge_recording(solver(kept, study), [session], out, "stiffer")
     assert verdict.answer[0].members == ["gel_stiffness"]
     assert read_verdict(out) == verdict
-    told = read_readings(out)
+    assert set(verdict.tables) == {path.name for path in out.glob("*.csv")}
+    check_tables(out, verdict)
+    told = read_table(out, READINGS)
     assert len(told) == 3 * len(SITES) * len(DEPTHS) * 5  # axes, sites, depths, a load and four dwell rows
     assert set(told["held_out"]) == {"no", "positions", "deepest"}
     first = verdict.effects[0]

@@ -10,10 +10,11 @@ from pydantic import ValidationError
 from gelforge.files import write_product_json
 from gelforge.mismatch.result.verdict import Verdict, VerdictError, read_verdict, schema, write_verdict
 from gelforge.mismatch.result.verdict_tables import (
-    read_body_map,
-    read_readings,
-    write_body_map,
-    write_readings,
+    BODY_MAP,
+    READINGS,
+    check_tables,
+    read_table,
+    write_tables,
 )
 
 
@@ -185,18 +186,67 @@ def readings() -> pd.DataFrame:
     )
 
 
+def written(folder: Path, tables: dict) -> Verdict:
+    """Write tables and a verdict that has their SHA-256; return it."""
+    verdict = Verdict.model_validate(content(tables=write_tables(folder, tables)))
+    write_verdict(folder, verdict)
+    return verdict
+
+
 def test_tables_come_back(tmp_path):
-    write_readings(tmp_path, readings())
-    found = read_readings(tmp_path)
+    patches = pd.DataFrame({"x_mm": [3.0], "y_mm": [3.0], "z_mm": [-1.0], "change": [0.1], "sigma": [0.3]})
+    written(tmp_path, {READINGS: readings(), BODY_MAP: None})
+    found = read_table(tmp_path, READINGS)
     assert found.loc[0, ["press", "axis", "measured_N"]].tolist() == ["7", "z", -0.4]
     assert found[["after_N", "after_sigma_N"]].isna().all(axis=None)
-    assert read_body_map(tmp_path) is None
-    patches = pd.DataFrame({"x_mm": [3.0], "y_mm": [3.0], "z_mm": [-1.0], "change": [0.1], "sigma": [0.3]})
-    write_body_map(tmp_path, patches)
-    pd.testing.assert_frame_equal(read_body_map(tmp_path), patches)
+    assert read_table(tmp_path, BODY_MAP) is None
+    verdict = written(tmp_path, {READINGS: readings(), BODY_MAP: patches})
+    pd.testing.assert_frame_equal(read_table(tmp_path, BODY_MAP), patches)
+    assert set(verdict.tables) == {READINGS, BODY_MAP}
+    written(tmp_path, {READINGS: readings(), BODY_MAP: None})
+    assert not (tmp_path / BODY_MAP).exists()  # of the verdict before
+
+
+def test_a_table_has_the_columns_that_are_documented_and_no_other(tmp_path):
+    write_tables(tmp_path, {READINGS: readings().assign(own=1)})
+    plain = pd.read_csv(tmp_path / READINGS)
+    assert list(plain) == [
+        *("session", "press", "site", "phase", "axis", "held_out"),
+        *("x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N", "time_s", "after_N"),
+    ]
+
+
+def flipped(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+
+
+def of_another_verdict(path: Path) -> None:
+    write_tables(path.parent, {READINGS: readings().assign(measured_N=-0.41)})
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (flipped, "damaged or edited: its bytes have the SHA-256"),
+        (lambda path: path.write_bytes(path.read_bytes()[:-1]), "damaged or edited"),
+        (of_another_verdict, "damaged or edited"),
+        (Path.unlink, "no such file"),
+    ],
+)
+def test_a_table_that_is_not_the_verdicts_is_refused_with_its_remedy(tmp_path, damage, words):
+    verdict = written(tmp_path, {READINGS: readings()})
+    check_tables(tmp_path, verdict)
+    damage(tmp_path / READINGS)
+    for read in (lambda: read_table(tmp_path, READINGS), lambda: check_tables(tmp_path, verdict)):
+        with pytest.raises(VerdictError, match=rf"readings.csv: {words}.*; write it anew") as refused:
+            read()
+        if "damaged" in words:
+            assert verdict.tables[READINGS][:12] in str(refused.value)
 
 
 def test_a_table_without_its_columns_is_not_written(tmp_path):
     with pytest.raises(VerdictError, match=r"sigma_N.*missing"):
-        write_readings(tmp_path, readings().drop(columns="sigma_N"))
+        write_tables(tmp_path, {READINGS: readings().drop(columns="sigma_N")})
     assert not (tmp_path / "readings.csv").exists()

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.mismatch.result.verdict import Verdict, write_verdict
-from gelforge.mismatch.result.verdict_tables import write_body_map, write_readings
+from gelforge.mismatch.result.verdict_tables import BODY_MAP, READINGS, write_tables
 
 DEPTHS = np.arange(0.25, 2.01, 0.25)
 SITES = [(x, y) for y in (5.0, 10.5, 16.0, 21.5, 27.0) for x in (5.0, 10.5, 16.0, 21.5, 27.0)]
@@ -285,9 +285,18 @@ def nothing_missing() -> dict:
     return content | bare | more | {"sentence": words}
 
 
-def write_fake_verdict(folder: Path, content: dict | None = None, **readings) -> Path:
-    """Write verdict.json, readings.csv and body_map.csv; return the folder."""
-    write_verdict(folder, Verdict.model_validate(content or fake_content()))
-    write_readings(folder, fake_readings(**readings))
-    write_body_map(folder, fake_body_map())
+def write_fake_verdict(
+    folder: Path,
+    content: dict | None = None,
+    table: pd.DataFrame | None = None,
+    patches: pd.DataFrame | None = None,
+    **readings,
+) -> Path:
+    """Write readings.csv (a table, or as fake_readings makes it), body_map.csv and verdict.json; return the folder."""
+    tables = {
+        READINGS: fake_readings(**readings) if table is None else table,
+        BODY_MAP: fake_body_map() if patches is None else None if patches.empty else patches,
+    }
+    content = (content or fake_content()) | {"tables": write_tables(folder, tables)}
+    write_verdict(folder, Verdict.model_validate(content))
     return folder

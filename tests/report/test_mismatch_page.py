@@ -10,17 +10,26 @@ from pathlib import Path
 import fake_results
 import fake_verdict
 import numpy as np
+import pandas as pd
 import pytest
-from matplotlib.collections import PatchCollection, QuadMesh
+from matplotlib.collections import PatchCollection
+from numpy.testing import assert_allclose
 from test_page import parsed
 
-from gelforge.mismatch.result.verdict import NoiseCase, Verdict, VerdictError
+from gelforge.mismatch.result.verdict import Verdict, VerdictError
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.mismatch_page import write_mismatch_page
 from gelforge.report.verdict import mismatch_curves, mismatch_maps
-from gelforge.report.verdict.mismatch_chapters import CHAPTERS, mismatch
+from gelforge.report.verdict.mismatch_chapters import CHAPTERS, answer, limits, mismatch, origin
 from gelforge.report.verdict.mismatch_reader import MismatchResults
-from gelforge.report.verdict.mismatch_words import amounts_text, p_text, shape_text, unbroken
+from gelforge.report.verdict.mismatch_words import (
+    amounts_text,
+    chance_text,
+    in_unit,
+    p_text,
+    shape_text,
+    unbroken,
+)
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +57,8 @@ def test_the_sentence_stands_first_under_the_synthetic_banner(html):
     assert sentence <= 6  # after the line of the title, the banner and the state
     assert text.index("SYNTHETIC DATA.") < sentence
     assert "identified: a known cause explains the difference" in text[sentence - 1]
+    following = Verdict.model_validate(fake_verdict.fake_content()).next_step
+    assert text[sentence + 1 : sentence + 3] == ["Next:", following]
 
 
 def test_articles_fit_the_words_that_are_put_in_after_them(html):
@@ -65,27 +76,43 @@ def test_page_fetches_nothing_and_has_every_chapter(html):
 
 def test_every_figure_is_a_picture_under_a_sentence(html):
     pictures = parsed(html).pictures
-    # headline, maps, depth, time, body, profiles, held out, noise
-    assert len(pictures) == 8
+    assert len(pictures) == 4  # maps, depth; in folds time and body
     for picture in pictures:
         assert b"<svg" in base64.b64decode(picture["src"].partition("base64,")[2])
         assert len(picture["alt"].split()) >= 8
 
 
 def test_what_people_want_to_read_is_there(html):
-    assert "held out for the proof" in section(html, "where") and "grows with depth" in section(html, "where")
-    effects = section(html, "effects").replace("\u00a0", " ")
-    assert effects.index("gel stiffness") < effects.index("force gain") < effects.index("layer thickness")
-    assert "scale -0.09 (-0.1 to -0.078)" in effects and "62 %" in effects
+    assert "held out" in section(html, "answer") and "grows with depth" in section(html, "where")
+    answer = section(html, "answer").replace("\u00a0", " ")
+    assert answer.index("gel stiffness") < answer.index("force gain") < answer.index("layer thickness")
+    assert "scale -9 % (-10 to -7.8)" in answer
     names = [effect["name"].replace("_", " ") for effect in fake_verdict.fake_content()["effects"]]
-    assert not [name for name in names if name not in effects]  # the table ends earlier, names do not vanish
-    undecided = section(html, "undecided").replace("\u00a0", " ")
-    assert "gel stiffness, force gain, particle settling: Put dead weights" in undecided
-    assert "dead weights" in undecided and "10 min" in undecided
+    assert not [name for name in names if name not in answer]
+    assert "gel stiffness, force gain, particle settling: Put dead weights" in answer
+    assert "dead weights" in answer and "10 min" in answer
     unknown = section(html, "cannot-know")
-    assert "No site was pressed twice" in unknown and "Of 4 values 2 would stay hidden" in unknown
-    assert "far from its neighbours over depth" in section(html, "outliers")
+    assert "No site was pressed twice" in unknown and "Of 4 plausible values 2 would stay hidden" in unknown
+    assert "far from its neighbours over depth" in unknown
     assert "SYNTHETIC: made by" in section(html, "origin")
+
+
+def test_members_have_their_share_and_no_probability_of_their_own(html):
+    answer = section(html, "answer")
+    assert "62 %" not in answer  # of gel stiffness over all sets of effects
+    assert "60 % of 97 %" in answer and "30 % of 97 %" in answer
+
+
+def test_detection_limits_have_an_effect_a_row_and_ten_at_most(tmp_path):
+    content = fake_verdict.fake_content()
+    limit = content["detection_limits"][0]
+    more = [limit | {"effect": f"effect_{k}"} for k in range(12)]
+    axes = [limit | {"effect": "force_gain", "parameter": axis, "amount": 1.234} for axis in "xyz"]
+    content["detection_limits"] = [*more, *axes, limit]
+    folder = fake_verdict.write_fake_verdict(tmp_path, content)
+    table = next(b for b in limits(MismatchResults(folder)).blocks if b.kind == "table")
+    assert [row[0] for row in table.rows[:2]] == ["gel stiffness", "force gain"] and len(table.rows) == 10
+    assert table.rows[1][1:4] == ["x\ny\nz", "\n".join(3 * ["120 %"]), "\n".join(3 * ["10 %"])]
 
 
 def test_residuals_are_measured_minus_simulated(results):
@@ -96,27 +123,45 @@ def test_residuals_are_measured_minus_simulated(results):
     assert results.strongest_axis == "z"
 
 
-def test_maps_before_and_after_share_one_colour_scale(results):
-    figure = mismatch_maps.residual_maps_figure(results)
-    limits = {
-        shown.get_clim()
-        for ax in figure.axes
-        for shown in ax.collections
-        if isinstance(shown, PatchCollection)
-    }
-    assert len(limits) == 1
-    low, high = limits.pop()
-    assert low == -high and high == pytest.approx(
-        results.site_means[["before", "after"]].abs().max(axis=None)
-    )
-    assert sum(isinstance(s, PatchCollection) for ax in figure.axes for s in ax.collections) == 6
-    assert len(figure.axes) == 7  # one colour bar
+def maps(figure):
+    """Return the maps of a figure by their titles without the size: "Fz before N"."""
+    drawn = [ax for ax in figure.axes if any(isinstance(shown, PatchCollection) for shown in ax.collections)]
+    found = {}
+    for ax in drawn:
+        before, _, unit = ax.get_title().replace("$", "").replace("_", "").rpartition(" ")
+        found[f"{before.partition(':')[0]} {unit}"] = ax.collections[0]
+    return found
+
+
+def test_newtons_have_a_scale_for_pressing_and_one_sideways_and_sigma_has_one(results):
+    found = maps(mismatch_maps.before_after_figure(results))
+    assert len(found) == 12
+    means, noise = results.site_means, results.readings.groupby("axis")["sigma_N"].median()
+    for unit, axes, ending in (("N", "z", ""), ("N", "xy", ""), ("σ", "xyz", "_sigma")):
+        ((low, high),) = {
+            found[f"F{axis} {state} {unit}"].get_clim() for axis in axes for state in ("before", "after")
+        }
+        left = (
+            means.loc[means["axis"].isin([*axes]), [f"before{ending}", f"after{ending}"]].abs().max(axis=None)
+        )
+        errors = 2 if ending else 2 * noise[[*axes]].max()  # of one reading, two sigma
+        assert low == -high and high == pytest.approx(max(left, errors))
+    assert found["Fx before N"].get_clim() != found["Fz before N"].get_clim()
+
+
+def test_a_map_in_sigma_is_of_the_residual_over_its_error(results):
+    found = maps(mismatch_maps.before_after_figure(results))
+    table = results.readings[(results.readings["axis"] == "z") & (results.readings["phase"] == "load")]
+    over = ((table["measured_N"] - table["base_N"]) / table["sigma_N"]).groupby(table["site"]).mean()
+    assert_allclose(np.sort(found["Fz before σ"].get_array()), np.sort(over), rtol=1e-12)
+    title = mismatch_maps.before_after_figure(results).axes[0].get_title()
+    rms = np.sqrt(np.mean(results.readings.query("axis == 'z'")["before"] ** 2))
+    assert f"{rms:.2g} N" in title
 
 
 def test_held_out_sites_have_a_dark_frame(results):
-    ax = mismatch_maps.residual_maps_figure(results).axes[0]
-    widths = ax.collections[0].get_linewidths()
-    assert (np.asarray(widths) > 1).sum() == len(fake_verdict.ASIDE)
+    for shown in maps(mismatch_maps.before_after_figure(results)).values():
+        assert (np.asarray(shown.get_linewidths()) > 1).sum() == len(fake_verdict.ASIDE)
 
 
 def test_a_located_defect_is_circled(tmp_path):
@@ -124,26 +169,31 @@ def test_a_located_defect_is_circled(tmp_path):
     defect = {"words": "void", "x_mm": 12.0, "y_mm": 20.0, "radius_mm": 2.0, "layer": "gel"}
     content["where"].append(defect)
     found = MismatchResults(fake_verdict.write_fake_verdict(tmp_path, content))
-    (circle,) = mismatch_maps.residual_maps_figure(found).axes[3].patches
+    (circle,) = mismatch_maps.before_after_figure(found).axes[3].patches
     assert (circle.center, circle.radius) == ((12.0, 20.0), 2.0)
 
 
-def test_body_map_puts_each_patch_where_it_is(tmp_path, results):
+def test_body_map_puts_each_patch_where_it_is(tmp_path):
     patches = fake_verdict.fake_body_map()
     spot = (patches["x_mm"] == patches["x_mm"].max()) & (patches["y_mm"] == patches["y_mm"].min())
     patches["change"] = np.where(spot & (patches["z_mm"] == -3.0), 0.5, 0.0)
-    fake_verdict.write_fake_verdict(tmp_path)
-    fake_verdict.write_body_map(tmp_path, patches)
-    figure = mismatch_maps.body_map_figure(MismatchResults(tmp_path))
-    titles = [ax.get_title() for ax in figure.axes[:3]]
-    assert [title.split(",")[0] for title in titles] == ["skin", "gel", "gel"]
-    levels = [
-        next(c for c in ax.collections if isinstance(c, QuadMesh)).get_array().reshape(6, 6)
-        for ax in figure.axes[:3]
-    ]
-    assert levels[1][0, 5] == 50.0 and np.count_nonzero(levels) == 1  # [row of y, column of x], in percent
-    assert [len(ax.lines) for ax in figure.axes[:3]] == [0, 1, 0]  # framed: beyond two sigma
-    assert mismatch_maps.known_patches(patches) == 1
+    folder = fake_verdict.write_fake_verdict(tmp_path, patches=patches)
+    drawn = mismatch_maps.body_map_figure(MismatchResults(folder)).axes[:3]
+    assert [ax.get_title().split(",")[0] for ax in drawn] == ["skin", "gel", "gel"]
+    values, framed = (
+        np.array([read(ax.collections[0]) for ax in drawn])
+        for read in (
+            lambda shown: shown.get_array(),
+            lambda shown: np.asarray(shown.get_linewidths()) > 1,
+        )
+    )
+    assert_allclose(values[values != 0], [50.0])  # in percent
+    assert np.array_equal(framed, values != 0)  # beyond two sigma
+    corners = drawn[1].collections[0].get_paths()[int(np.argmax(values[1]))].get_extents()
+    assert_allclose(
+        [corners.x0, corners.x1, corners.y0, corners.y1], [32 * 5 / 6, 32, 0, 32 / 6], atol=1e-6
+    )  # digits of the CSV
+    assert mismatch_maps.is_known(patches).sum() == 1
 
 
 def test_depth_figure_shows_loading_unloading_and_bands(results):
@@ -172,18 +222,16 @@ def test_time_figure_lays_sessions_end_to_end(results):
 @pytest.mark.usefixtures("undrawn")
 def test_a_null_has_no_after_and_says_so(tmp_path):
     folder = fake_verdict.write_fake_verdict(
-        tmp_path, fake_verdict.nothing_missing(), change=0.0, after=False
+        tmp_path, fake_verdict.nothing_missing(), patches=pd.DataFrame(), change=0.0, after=False
     )
-    (folder / "body_map.csv").unlink()
     html = write_mismatch_page(folder).read_text(encoding="utf-8")
     assert "nothing is missing that they could show" in html.split("<main>")[0]
-    assert "nothing was put into the simulation" in section(html, "short")
+    assert "Nothing was put into the simulation" in section(html, "answer")
     assert "No pattern stands out" in section(html, "where")
-    assert "No body map" in section(html, "body")
+    assert "No body map" in section(html, "where")
     assert "Nothing was put into the simulation" in section(html, "held-out")
-    assert "every reading was judged" in section(html, "outliers")
-    figure = mismatch_maps.residual_maps_figure(MismatchResults(folder))
-    assert len(figure.axes) == 4  # one row, one bar
+    assert "outlier" not in section(html, "cannot-know")
+    assert len(maps(mismatch_maps.before_after_figure(MismatchResults(folder)))) == 6  # none after
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -198,14 +246,22 @@ def test_each_effect_of_a_credible_set_has_its_share_and_value(tmp_path):
     first["shares"] = {"gel_stiffness": 0.7, "force_gain": 0.2, "layer_thickness": 0.1}
     content["answer"].append({"members": ["tilt"], "probability": 0.6})
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
-    short = section(write_mismatch_page(folder).read_text(encoding="utf-8"), "short").replace("\u00a0", " ")
-    for share in ("70 %", "20 %", "10 %", "99 %", "60 %"):
-        assert share in short
-    assert short.count("same as the first") == 1 and "scale -0.09" in short and "one patch serves" in short
+    blocks = answer(MismatchResults(folder)).blocks
+    one, other = (block for block in blocks if block.kind == "table")
+    rows = [[cell.replace("\u00a0", " ") for cell in row] for row in one.rows]
+    assert [row[1] for row in rows] == ["70 %", "20 %", "10 %"] and one.minor == [False, True, True]
+    assert [row[-1] for row in rows] == ["", "yes", "no"] and "scale -9 %" in rows[0][2]
+    assert (
+        "99 %" in one.words
+        and "60 %" in other.words
+        and other.header == ["effect", "value (90 % interval), place"]
+    )
+    assert any("one patch serves" in block.words for block in blocks if block.kind == "note")
     first["differs_snr"] = 5.0
     folder = fake_verdict.write_fake_verdict(tmp_path / "unlike", content)
-    short = section(write_mismatch_page(folder).read_text(encoding="utf-8"), "short")
-    assert "predict readings that differ by 0.0004 N rms at most" in short
+    said = [block.words for block in answer(MismatchResults(folder)).blocks if block.kind == "note"]
+    assert any("0.0004 N rms at most" in words for words in said)
+    assert not any("one patch serves" in words for words in said)
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -224,21 +280,15 @@ def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
     html = write_mismatch_page(folder).read_text(encoding="utf-8")
     assert "identified: a known cause explains the difference" in html
-    effects = section(html, "effects")
-    assert (
-        "Modelled without a known cause together with gel stiffness: a change of the pressing force with depth"
-        in effects
-    )
-    assert "0.05 N at most" in effects and "0.25 to 2 mm at 25 positions" in effects and "+12 ± 3" in effects
-    assert "correction.csv" in effects
+    said = section(html, "answer").replace("\u00a0", " ")
+    assert "Modelled without a known cause" in said and "a change of the pressing force with depth" in said
+    assert "0.05 N" in said and "0.25 to 2 mm at 25 positions" in said and "+12 ± 3" in said
+    assert "correction.csv" in said
     content["model"] |= {"cause": "modulus_map", "probability": 0.97}
     folder = fake_verdict.write_fake_verdict(tmp_path / "of a cause", content)
-    effects = section(write_mismatch_page(folder).read_text(encoding="utf-8"), "effects")
-    assert (
-        "A cause with a free form, of probability 0.97; module.csv has its map together with gel stiffness"
-        in effects
-    )
-    assert "Modelled without a known cause" not in effects
+    said = section(write_mismatch_page(folder).read_text(encoding="utf-8"), "answer")
+    assert "Probability 97 %: a cause with a free form" in said and "module.csv" in said
+    assert "Modelled without a known cause" not in said
 
 
 @pytest.mark.parametrize("state", ["unexplained", "ambiguous"])
@@ -246,21 +296,20 @@ def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
 def test_a_discrepancy_is_described_where_no_cause_explains_the_readings(tmp_path, state):
     content = fake_verdict.fake_content() | {"state": state}
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
-    short = section(write_mismatch_page(folder).read_text(encoding="utf-8"), "short")
-    assert ("would change the pressing force with depth" in short) == (state == "unexplained")
+    said = [block.words for block in answer(MismatchResults(folder)).blocks if block.kind == "note"]
+    assert any("changes the pressing force with depth" in words for words in said) == (state == "unexplained")
 
 
 @pytest.mark.parametrize("time_s", [np.nan, 0.0])
 def test_a_recording_of_one_axis_and_two_sites_is_drawn(tmp_path, time_s):
     """As the paper's readings: 16 of Fz, at the centre and a corner."""
-    fake_verdict.write_fake_verdict(tmp_path)
     table = fake_verdict.fake_readings()
     table["time_s"] = time_s  # nobody wrote them down
     few = table[(table["axis"] == "z") & (table["phase"] == "load") & table["site"].isin([12, 24])]
-    fake_verdict.write_readings(tmp_path, few)
+    fake_verdict.write_fake_verdict(tmp_path, table=few)
     html = write_mismatch_page(tmp_path).read_text(encoding="utf-8")
-    assert len(parsed(html).pictures) == 7
-    assert "these readings have no times" in section(html, "time")
+    assert len(parsed(html).pictures) == 3
+    assert "these readings have no times" in section(html, "where")
     assert MismatchResults(tmp_path).axes == ["z"]
 
 
@@ -269,8 +318,8 @@ def test_readings_of_no_sensor_have_no_maps(tmp_path):
     content = fake_verdict.fake_content() | {"sensor": None}
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
     html = write_mismatch_page(folder).read_text(encoding="utf-8")
-    assert "No maps" in section(html, "where")
-    assert len(parsed(html).pictures) == 7
+    assert "No maps" in section(html, "answer")
+    assert len(parsed(html).pictures) == 3
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -290,6 +339,15 @@ def test_same_folder_gives_the_same_bytes(folder):
 def test_a_folder_without_a_verdict_is_refused(tmp_path):
     with pytest.raises(VerdictError, match=r"verdict.json.*gelforge mismatch"):
         write_mismatch_page(tmp_path)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("name", ["readings.csv", "body_map.csv"])
+def test_a_table_that_was_edited_is_refused(tmp_path, name):
+    folder = fake_verdict.write_fake_verdict(tmp_path)
+    (folder / name).write_text((folder / name).read_text().replace("1", "2", 1))
+    with pytest.raises(VerdictError, match=rf"{name}: damaged or edited.*gelforge mismatch"):
+        write_mismatch_page(folder)
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -314,12 +372,12 @@ def test_the_chapter_names_what_is_not_there(tmp_path):
     ("chance", "text"), [(0.0, "< 1 %"), (0.006, "1 %"), (0.62, "62 %"), (0.994, "99 %"), (1.0, "> 99 %")]
 )
 def test_a_chance_is_never_a_bare_zero_or_one(chance, text):
-    assert mismatch_maps.chance_text(chance) == text
+    assert chance_text(chance) == text
 
 
 def test_words_for_amounts_and_p():
     verdict = Verdict.model_validate(fake_verdict.fake_content())
-    assert amounts_text(verdict.effects[1]) == "z -0.09 (-0.1 to -0.077)"
+    assert amounts_text(verdict.effects[1]) == "z -9 % (-10 to -7.7)"
     assert p_text(3e-9) == "p < 0.0001" and p_text(0.0411) == "p = 0.041"
 
 
@@ -327,19 +385,25 @@ def test_amounts_stand_on_lines_of_their_own_and_break_before_a_bracket_only():
     assert unbroken("x +0.1 mm (-1 to 2); y 2") == "x\u00a0+0.1\u00a0mm (-1\u00a0to\u00a02)\ny\u00a02"
 
 
-def test_the_verdict_over_noise_keeps_its_words():
-    case = {
-        "scale": 1.0,
-        "sigma_z_N": 0.02,
-        "state": "identified",
-        "answer": [["small_strain", "tilt"], ["void"]],
-    }
-    named = NoiseCase.model_validate(case)
-    assert mismatch_curves.answer_text(named) == "identified: small strain or tilt and void"
-    figure = mismatch_curves.noise_figure([named, NoiseCase(scale=2.0, sigma_z_N=0.04, state="consistent")])
-    rows = [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    assert rows == ["identified: small strain or tilt and void", "consistent"]
-    assert "as stated" in [t.get_text() for t in figure.axes[0].texts]
+@pytest.mark.usefixtures("undrawn")
+def test_the_verdict_over_noise_has_a_row_each(results):
+    table = [block for block in origin(results).blocks if block.kind == "table"][1]
+    assert [row[1] for row in table.rows] == ["unexplained", *3 * ["identified"], "inconclusive"]
+    assert table.rows[1][2] == "gel stiffness or force gain or particle settling"
+
+
+@pytest.mark.parametrize(
+    ("value", "parameter", "unit", "text"),
+    [
+        (1.234, "x", "1", "120 %"),
+        (0.0321, "scale", "-", "3.2 %"),
+        (0.333, "exponent", "1", "0.33"),
+        (0.3149, "about_x", "deg", "0.31 deg"),
+        (None, "x", "N", "none"),
+    ],
+)
+def test_a_value_has_two_digits_and_its_unit(value, parameter, unit, text):
+    assert in_unit(value, parameter, unit) == text
 
 
 def test_shapes_are_told_with_their_units_behind():

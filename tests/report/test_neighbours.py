@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gelforge.mismatch.result.verdict_tables import write_readings
 from gelforge.report.chapters.flow_floor import depth_rows, flow_table
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.figures.neighbours import (
@@ -87,7 +86,7 @@ def test_a_verdict_over_depth_is_of_the_sites_about_the_shown_one(tmp_path):
     table = fake_verdict.fake_readings()
     depths = np.sort(table["depth_mm"].unique())
     own = dict(zip(table["site"].unique(), np.resize(depths, table["site"].nunique())))
-    write_readings(tmp_path, table[table["depth_mm"] == table["site"].map(own)])
+    fake_verdict.write_fake_verdict(tmp_path, table=table[table["depth_mm"] == table["site"].map(own)])
     single = MismatchResults(tmp_path)
     assert len(single.sites_about(site)[0]) == CURVE_SITES
     figure = depth_figure(single)

@@ -77,7 +77,7 @@ def test_an_answer_that_is_none_is_not_named_in_the_opening(whole, tmp_path):
 def test_an_answer_has_probability_and_the_value_of_its_first_effect():
     said = answer_text(Verdict.model_validate(fake_verdict.fake_content()))
     assert said.startswith(
-        "gel stiffness or force gain or particle settling: 97 %; gel stiffness scale -0.09"
+        "gel stiffness (60 %) or force gain (30 %) or particle settling (10 %): 97 %; gel stiffness scale -9 %"
     )
 
 

@@ -39,6 +39,7 @@ def judge(
             stage("page")
             write_mismatch_page(out)
     print(f"{verdict.state}: {verdict.sentence}")
+    print(f"next: {verdict.next_step}")
     print(f"written to {out}")
 
 
@@ -72,9 +73,12 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
     from gelforge.mismatch.pipeline.design import experiments_table
     from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.result.verdict import read_verdict
+    from gelforge.mismatch.result.verdict_tables import check_tables
 
+    verdict = read_verdict(out)
+    check_tables(out, verdict)
     with Stages("experiments that would tell effects apart"):
-        table = experiments_table(solver_of(study, out, laws, kept, workers, []), read_verdict(out))
+        table = experiments_table(solver_of(study, out, laws, kept, workers, []), verdict)
     write_table(out, "experiments", table)
     print(table.to_string(index=False, float_format="%.3g"))
 

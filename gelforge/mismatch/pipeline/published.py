@@ -189,8 +189,7 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
     )
     verdict = verdict_of(problem, judgement, case.title, False, solver.study.sensor, provenance, cases)
     verdict = with_experiments(verdict, problem, context)
-    write_results(out / case.name, verdict, (problem, judgement))
-    return verdict
+    return write_results(out / case.name, verdict, (problem, judgement))
 
 
 def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCase:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from gelforge.config import ConfigError, Session, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
@@ -32,12 +33,13 @@ from gelforge.mismatch.readings.sessions import observe, read_all, session_folde
 from gelforge.mismatch.result.verdict import PATCH, Provenance, Verdict, write_verdict
 from gelforge.mismatch.result.verdict_tables import (
     BODY_MAP,
-    write_body_map,
-    write_correction,
-    write_flow,
-    write_limits,
-    write_module,
-    write_readings,
+    CORRECTION,
+    FLOW,
+    LIMITS,
+    MODULE,
+    READINGS,
+    limits_table,
+    write_tables,
 )
 from gelforge.mismatch.summary.findings import limits_of, readings_table, taken_over, verdict_of, versions
 from gelforge.mismatch.summary.flow_section import after_of, flow_section, flow_table
@@ -135,12 +137,10 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     verdict = with_experiments(verdict, forces, base.context)
     verdict = verdict.model_copy(update={"detection_limits": limits_of(forces)})
     stage("tables")
-    write_results(out, verdict, in_newtons)
-    write_flow(out, flow_table(joint, after))
     (out / PATCH).unlink(missing_ok=True)
     if taken_over(judgement):
         write_patch(out, study, problem, judgement)
-    return verdict
+    return write_results(out, verdict, in_newtons, flow_table(joint, after))
 
 
 def judged_with_images(
@@ -202,21 +202,29 @@ def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement)
     if model is not None and model.sure:
         changes = patch_of(study, problem.effects, fit, model.module, model.map())
     if changes:
+        out.mkdir(parents=True, exist_ok=True)
         write_yaml(out / PATCH, changes)
 
 
-def write_results(out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgement]) -> None:
-    """Write verdict.json and its tables; in_newtons: problem and judgement of the forces alone."""
-    out.mkdir(parents=True, exist_ok=True)
+def write_results(
+    out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgement], flow: pd.DataFrame | None = None
+) -> Verdict:
+    """Write the tables, then verdict.json with their SHA-256, and return that verdict.
+
+    in_newtons: problem and judgement of the forces alone; flow: the rows of flow.csv.
+    """
+    problem, judgement = in_newtons
+    tables = {
+        READINGS: readings_table(problem, judgement),
+        BODY_MAP: body_map(problem),
+        CORRECTION: correction_table(problem, judgement.model),
+        MODULE: None if judgement.model is None else judgement.model.map(),
+        FLOW: flow,
+        LIMITS: limits_table(verdict.detection_limits),
+    }
+    verdict = verdict.model_copy(update={"tables": write_tables(out, tables)})
     write_verdict(out, verdict)
-    write_limits(out, verdict.detection_limits)
-    write_readings(out, readings_table(*in_newtons))
-    write_correction(out, correction_table(in_newtons[0], in_newtons[1].model))
-    write_module(out, None if in_newtons[1].model is None else in_newtons[1].model.map())
-    patches = body_map(in_newtons[0])
-    (out / BODY_MAP).unlink(missing_ok=True)
-    if patches is not None:
-        write_body_map(out, patches)
+    return verdict
 
 
 def observations_of(recorded: Sequence[Path | Recording], study: Study) -> tuple[Observations, bool]:

@@ -145,6 +145,15 @@ class Group(Section):
     differs_snr: NonNegative | None = Field(None, description="The same, signal over noise [-]")
     decided_by: str = Field("", description="The experiment that distinguishes them")
 
+    def __str__(self) -> str:
+        shares = {name: f" ({self.shares[name]:.0%})" if name in self.shares else "" for name in self.names}
+        return f"{self.chance:.3g}: {' or '.join(f'{name}{share}' for name, share in shares.items())}"
+
+    @property
+    def chance(self) -> float:
+        """Return the probability that an effect of the credible set is there."""
+        return self.probability if self.set_probability is None else self.set_probability
+
     @property
     def names(self) -> list[str]:
         """Return the credible set."""
@@ -410,9 +419,10 @@ class Verdict(Section):
     outliers: list[Outlier] = Field([], description="Readings that were left out")
     sensor: SensorShape | None = Field(None, description="The sensor as drawn; empty for a material test")
     provenance: Provenance = Field(description="What the verdict rests on")
+    tables: dict[str, str] = Field({}, description="SHA-256 of each table in the same folder, by its name")
 
     def __repr__(self) -> str:
-        groups = (f"  {group.probability:.3g}: {' or '.join(group.names)}" for group in self.answer)
+        groups = (f"  {group}" for group in self.answer)
         synthetic = " (SYNTHETIC)" if self.synthetic else ""
         lines = [f"Verdict on {self.title}{synthetic}: {self.state}", f"  {self.sentence}", *groups]
         return "\n".join([*lines, f"  Next: {self.next_step}"])

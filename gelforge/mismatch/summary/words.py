@@ -13,64 +13,70 @@ from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import End
 
 MOST_CLAUSES = 2  # of a headline
+MOST_WORDS = 25  # of a headline
 
 
 def sentence_of(problem: Problem, judgement: Judgement) -> str:
-    """Return the headline, 25 words at most; values and alternatives stand in the answer."""
+    """Return the headline, 25 words at most: causes with their values, or by name where these do not fit.
+
+    All values and alternatives stand in the answer.
+    """
+    in_full = _headline(problem, judgement, brief=False)
+    return in_full if len(in_full.split()) <= MOST_WORDS else _headline(problem, judgement, brief=True)
+
+
+def _headline(problem: Problem, judgement: Judgement, brief: bool) -> str:
     state, answer = judgement.state, judgement.answer
     if state == "consistent":
         return f"Simulation and readings agree within their errors (p = {judgement.mismatch.p:.2g})."
     if answer is None and state == "inconclusive":
         return "Simulation and readings agree, but these readings could not show plausible values of most effects."
     if state == "identified":
-        return _capital(_identified(problem, judgement))
+        return _capital(_identified(problem, judgement, brief))
     if state == "unexplained":
-        return (
-            f"Simulation and readings differ, and no known cause explains it: {_why_unexplained(judgement)}."
-        )
+        return f"Readings differ, and no known cause explains it: {_why_unexplained(judgement)}."
     assert answer is not None  # of the two states that are left
     leading = max(answer.groups, key=lambda group: group.set_probability)
-    count, clause = len(leading.names), _clause(problem, answer, leading)
-    if state == "ambiguous":
-        return (
-            f"Simulation and readings differ; {_possible(count)}, most probably {clause} ({_share(leading)})."
-        )
-    return f"Simulation and readings differ, but too few readings say why; {_possible(count)}, first that {clause}."
+    count, clause = len(leading.names), _clause(problem, answer, leading, brief)
+    if state == "inconclusive":
+        return f"Simulation and readings differ; these readings leave {count} causes, most probably {clause}."
+    possible = "one cause is possible" if count == 1 else f"{count} causes are possible"
+    share = 100 * leading.shares[leading.members[0]]
+    return f"Simulation and readings differ; {possible}, most probably {clause} (share {share:.0f} %)."
 
 
-def _possible(count: int) -> str:
-    return "one cause is possible" if count == 1 else f"{count} causes are possible"
-
-
-def _share(group: Group) -> str:
-    return f"{group.shares[group.members[0]] * group.set_probability:.2f}"
-
-
-def _identified(problem: Problem, judgement: Judgement) -> str:
+def _identified(problem: Problem, judgement: Judgement, brief: bool) -> str:
     """Return what is missing, the surest first, with the smallest probability among these."""
     claims = []
     if judgement.model is not None and judgement.model.sure:
         module = judgement.model.module
         assert module is not None  # of a cause
-        claims.append((module.says, judgement.model.probability))
+        claims.append((_plain_name(module.name) if brief else module.says, judgement.model.probability))
     if judgement.answer is not None and (judgement.model is None or judgement.model.beside):
         claims += [
-            (_clause(problem, judgement.answer, group), group.probability)
+            (_clause(problem, judgement.answer, group, brief), group.probability)
             for group in sorted(judgement.answer.sure, key=lambda group: -group.probability)
         ]
     said = ", and ".join(clause for clause, _ in claims[:MOST_CLAUSES])
     more = f", and {len(claims) - MOST_CLAUSES} more" if len(claims) > MOST_CLAUSES else ""
-    return f"{said}{more} (probability {min(chance for _, chance in claims):.2f})."
+    left_out = "the simulation leaves out: " if brief else ""
+    return f"{left_out}{said}{more} (probability {min(chance for _, chance in claims):.2f})."
 
 
-def _clause(problem: Problem, answer: Answer, group: Group) -> str:
-    """Return what an effect of the answer means at its value, and whether others cannot be distinguished from it."""
+def _clause(problem: Problem, answer: Answer, group: Group, brief: bool) -> str:
+    """Return what an effect of the answer means at its value, or its name, and whether its line has others."""
     k = [part.name for part in answer.fit.parts].index(group.members[0])
     part, amounts = answer.fit.parts[k], answer.fit.amounts[k]
+    if brief:
+        return _plain_name(part.name) + (" or another of its line" if len(group.members) > 1 else "")
     said = with_amount(problem.effects[part.name], part.shape, tuple(amounts))
     if part.switch and "coefficient" not in part.shape:
         said += "".join(f" ({value})" for value in part.shape.values())
     return said + (" or an indistinguishable cause" if len(group.members) > 1 else "")
+
+
+def _plain_name(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def _capital(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,6 +31,7 @@ class Table:
     header: list[str]
     numeric: list[bool]  # columns of numbers stand right-aligned
     rows: list[list[str]]
+    minor: list[bool]  # rows that are subordinate to the one above
     kind = "table"
 
 
@@ -84,10 +86,12 @@ class Chapter:
         self.blocks.append(folded)
         return folded
 
-    def tabulate(self, words: str, table: pd.DataFrame) -> None:
+    def tabulate(self, words: str, table: pd.DataFrame, minor: Sequence[bool] = ()) -> None:
+        """Add a table; minor: of each row whether it is subordinate to the one above."""
         rows = [[cell_text(value) for value in row] for row in table.itertuples(index=False)]
         numeric = [pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]
-        self.blocks.append(Table(words, [heading(str(column)) for column in table.columns], numeric, rows))
+        header = [heading(str(column)) for column in table.columns]
+        self.blocks.append(Table(words, header, numeric, rows, [*minor] or [False] * len(rows)))
 
 
 def heading(column: str) -> str:

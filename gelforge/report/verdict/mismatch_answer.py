@@ -1,113 +1,201 @@
-"""The chapters of a verdict about its answer: effects in their order, held-out readings, what is undecided."""
+"""The chapters of a verdict about its answer: what is missing, before and after, and on held-out readings."""
 
 from __future__ import annotations
 
-from math import log
+from math import exp, log
 
-import pandas as pd
-
-from gelforge.mismatch.result.verdict import HELD_OUT_ODDS, Experiment, HeldOut, Model, Score
-from gelforge.report.chapters.chapter import Chapter
-from gelforge.report.verdict.mismatch_curves import held_out_figure, profile_figure
-from gelforge.report.verdict.mismatch_maps import chance_text, pretty
+from gelforge.mismatch.result.verdict import HELD_OUT_ODDS, Experiment, Group, HeldOut, Model, Score, Verdict
+from gelforge.report.chapters.chapter import Chapter, Facts
+from gelforge.report.figures.neighbours import MAP_SITES
+from gelforge.report.verdict.mismatch_maps import before_after_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import (
-    amounts_text,
+    chance_text,
     filled,
-    number,
-    odds_text,
     p_text,
-    shape_text,
+    pretty,
+    span_text,
+    two_digits,
     unbroken,
-    unknown_text,
+    value_text,
 )
 
-RANKED = 12  # effects in the table; the others are named below it
+BLOCKS = {"all": "all held out", "positions": "other positions", "deepest": "deepest indentations"}
 
 
-def ranking(results: MismatchResults) -> Chapter:
-    """Return all effects that were tried, the most probable first."""
-    chapter, verdict = Chapter("effects", "Which physics"), results.verdict
-    if not verdict.effects:
-        chapter.miss("No effect was tried.")
-        return chapter
-    rows = [
-        {
-            "effect": unbroken(pretty(effect.name)),
-            "probability": chance_text(effect.probability),
-            "log Bayes factor": round(effect.log_bayes_factor, 1),
-            "signal over noise": round(number(effect.snr), 1),
-            "value (90 % interval), place or time": unbroken(
-                "; ".join(filter(None, (amounts_text(effect), shape_text(effect.shape))))
-            ),
-            "possible": effect.in_range,
-            "judged in": "solver" if effect.refitted else "first order",
-        }
-        for effect in verdict.effects[:RANKED]
-    ]
-    chapter.tabulate(
-        f"What was tried, the most probable first, alone or together with others; that nothing is missing has probability"
-        f" {chance_text(verdict.null_probability)}{unknown_text(verdict.unknown)}. A good fit alone names nothing: the"
-        " value must also be physically possible.",
-        filled(rows),
-    )
-    rest = verdict.effects[RANKED:]
-    if rest:
-        names = ", ".join(pretty(effect.name) for effect in rest)
-        most = max(effect.probability for effect in rest)
-        chapter.say(f"Also tried ({chance_text(most)}{' each' if most < 0.005 else ' or less'}): {names}.")
-    answered = {name for group in verdict.answer for name in group.members}
-    profiled = [e for e in verdict.effects if e.name in answered and any(a.profile for a in e.amounts)]
-    if profiled:
-        chapter.show(
-            "The narrower the peak, the better the readings determine the value; shaded is the 90 % interval, and"
-            " the effect's"
-            " absence is at 0.",
-            profile_figure(profiled),
-        )
+def answer(results: MismatchResults) -> Chapter:
+    """Return what is missing, the readings before and after, and in folds what was tried and what would decide."""
+    chapter, verdict = Chapter("answer", "What is missing"), results.verdict
+    causes = len(verdict.answer)
+    if verdict.answer and verdict.state == "unexplained":
+        chapter.say("Known causes, of which the most probable ones do not explain the readings:")
+    for k, group in enumerate(verdict.answer, start=1):
+        _tabulate_set(chapter, verdict, group, f"Cause {k} of {causes}, p" if causes > 1 else "P")
+    if not verdict.answer and not verdict.model:
+        chapter.say(f"That nothing is missing has probability {chance_text(verdict.null_probability)}.")
     if verdict.model:
-        chapter.say(_model_text(verdict.model, results.axes))
+        _tabulate_model(chapter, verdict.model, results.axes)
+    elif verdict.unknown is not None and verdict.state == "unexplained":
+        chance = chance_text(verdict.unknown.probability)
+        chapter.say(f"An unknown cause has probability {chance}. It changes {verdict.unknown.words}.")
+    show_before_after(chapter, results)
+    _tell_tests(chapter.fold("Tests of the readings, and of what the answer leaves"), verdict)
+    _tell_tried(chapter.fold(f"All {len(verdict.effects)} effects that were tried"), verdict)
+    _tell_experiments(chapter.fold("Experiments that would distinguish the causes"), verdict)
     return chapter
 
 
-def _model_text(model: Model, axes: list[str]) -> str:
-    """Return in words what is modelled, with a cause of free form or without one, where it holds, and what it predicts."""
-    largest = max(model.largest_N["xyz".index(axis)] or 0.0 for axis in axes)
-    low, high = model.depth_mm
-    beside = f" together with {' and '.join(map(pretty, model.beside))}" if model.beside else ""
-    held = model.held_out
-    what = (
-        f"A cause with a free form, of probability {model.probability:.2g}; module.csv has its map"
-        if model.sure
-        else "Modelled without a known cause"
-    )
-    return (
-        f"{what}{beside}: {model.words}, {largest:.2g} N at most, learnt from depths of {low:.3g} to"
-        f" {high:.3g} mm at {model.sites} positions and not extrapolated. On held-out readings the log score gains"
-        f" {held.gain:+.3g} ± {held.standard_error:.2g}."
-        + (" correction.csv holds it as a correction of simulated forces." if model.corrects_labels else "")
-    )
+def _tabulate_set(chapter: Chapter, verdict: Verdict, group: Group, begin: str) -> None:
+    """Add the credible set of one cause, the leading effect first."""
+    effects, several = {effect.name: effect for effect in verdict.effects}, len(group.names) > 1
+    rows = [
+        {
+            "effect": unbroken(pretty(name)),
+            "share": chance_text(group.shares[name]) if name in group.shares and several else None,
+            "value (90 % interval), place": value_text(effects[name]),
+            "same line": None if not several else "" if name == group.names[0] else name in group.members,
+        }
+        for name in group.names
+    ]
+    one = f": one of these {len(rows)} effects" if several else ""
+    words = f"{begin}robability {chance_text(group.chance)}{one}."
+    chapter.tabulate(words, filled(rows), [name != group.names[0] for name in group.names])
+    if several and group.differs_N is not None and group.differs_snr is not None:
+        patch = "; one patch serves for all" if group.one_patch else ""
+        size = f"{two_digits(group.differs_N)} N rms at most, {two_digits(group.differs_snr)} σ in all{patch}"
+        chapter.say(
+            f"No reading of this plan distinguishes effects of the same line. Predictions differ by {size}."
+        )
 
 
-def set_aside(results: MismatchResults) -> Chapter:
-    """Return the errors before and after on blocks that were held out."""
-    chapter, fit = Chapter("held-out", "On held-out readings"), results.verdict.fit
-    if fit.held_out is None:
-        chapter.miss("Nothing was put into the simulation, so there is nothing to try on held-out readings.")
+def _tabulate_model(chapter: Chapter, model: Model, axes: list[str]) -> None:
+    """Add what is modelled, with a cause of free form or without one, where it holds, and what it predicts."""
+    if model.sure:
+        words = f"Probability {chance_text(model.probability or 0.0)}: a cause with a free form, its map in module.csv."
     else:
-        blocks = [fit.held_out, *fit.held_out_blocks]
-        chapter.show(
-            "Blue should lie left of grey: with the effect in it, fitted to the other readings, the simulation predicts"
-            " these. The values given elsewhere follow all readings.",
-            held_out_figure(blocks, results.axes),
+        words = "Modelled without a known cause, and not extrapolated."
+    row = {
+        "what it changes": model.words,
+        "together with": "\n".join(map(pretty, model.beside)) or None,
+        "at most": f"{two_digits(max(model.largest_N['xyz'.index(axis)] or 0.0 for axis in axes))} N",
+        "learnt from": f"{span_text(model.depth_mm)} mm at {model.sites} positions",
+        "held-out log score": f"{model.held_out.gain:+.3g} ± {model.held_out.standard_error:.2g}",
+    }
+    correction = " Correction of simulated forces: correction.csv." if model.corrects_labels else ""
+    chapter.tabulate(words + correction, filled([row]))
+
+
+def show_before_after(chapter: Chapter, results: MismatchResults) -> None:
+    """Add the maps before and after, or why there are none."""
+    if results.verdict.sensor is None:
+        chapter.miss("No maps: these readings are not of a sensor's surface.")
+        return
+    seen = (
+        "Where maps after are white, the answer explains the readings."
+        if results.has_after
+        else "Nothing was put into the simulation."
+    )
+    mean = f"of the {MAP_SITES} nearest sites" if results.has_one_depth_each else "at a site"
+    chapter.show(
+        f"Measured minus simulated force. {seen} A square is the mean over the loading {mean}, a dark frame was held out."
+        " Errors that were allowed for give 1 σ. Where Fz is red, the sensor pushes back less than simulated.",
+        before_after_figure(results),
+    )
+
+
+def _tell_tests(chapter: Chapter, verdict: Verdict) -> None:
+    test, left = verdict.mismatch, verdict.adequacy
+    chances = {
+        "As much mismatch by chance": test.p,
+        "As strong a pattern by chance": test.scan_p,
+        "As much evidence for a discrepancy by chance, at most": test.unknown_p,
+        "As much evidence for known effects by chance, at most": test.known_p,
+    }
+    facts = [(name, p_text(p)) for name, p in chances.items() if p is not None]
+    if left:
+        facts.append(
+            (
+                "After the answer",
+                f"{left.words}: {p_text(left.p)}, of the strongest pattern {p_text(left.scan_p)}",
+            )
         )
+    chapter.blocks.append(Facts(facts))
+
+
+def _tell_tried(chapter: Chapter, verdict: Verdict) -> None:
+    """Add all effects, the most probable first; those of the answer with their share of its probability."""
+    if not verdict.effects:
+        chapter.miss("No effect was tried.")
+        return
+    chances = {effect.name: chance_text(effect.probability) for effect in verdict.effects}
+    for group in verdict.answer:
+        chances |= {
+            name: f"{chance_text(share)} of {chance_text(group.chance)}"
+            for name, share in group.shares.items()
+        }
+    rows = [
+        {
+            "effect": unbroken(pretty(effect.name)),
+            "probability": chances[effect.name],
+            "log Bayes factor": round(effect.log_bayes_factor, 1),
+            "signal over noise": effect.snr and round(effect.snr, 1),
+            "value (90 % interval), place or time": value_text(effect),
+            "possible": effect.in_range,
+            "judged in": "solver" if effect.refitted else "first order",
+        }
+        for effect in verdict.effects
+    ]
+    none = f"That nothing is missing has probability {chance_text(verdict.null_probability)}"
+    if verdict.unknown is not None:
+        chance = chance_text(verdict.unknown.probability)
+        none += f", that an unknown cause acts {chance} (it would change {verdict.unknown.words})"
+    chapter.tabulate(f"{none}. A value must also be physically possible.", filled(rows))
+
+
+def _tell_experiments(chapter: Chapter, verdict: Verdict) -> None:
+    """Add the experiments that would distinguish what these readings cannot."""
+    for group in verdict.answer:
+        if group.decided_by:
+            chapter.say(f"{', '.join(map(pretty, group.names))}: {group.decided_by.rstrip('.')}.")
+    if verdict.next_experiments:
         chapter.tabulate(
-            "The held-out gain is reported and decides nothing. Less the selection penalty (these readings helped to choose"
-            f" the answer) it counts above two standard errors, or above {log(HELD_OUT_ODDS):.1f}: odds of a hundred.",
-            filled([_gain_row(block) for block in blocks]),
+            "First what is expected to decide, where its cost and odds are known.",
+            filled([_experiment_row(experiment) for experiment in verdict.next_experiments]),
         )
-    rows = [_score_row("before", fit.before)] + ([_score_row("after", fit.after)] if fit.after else [])
-    chapter.tabulate("The same on all readings, those that were fitted included.", pd.DataFrame(rows))
+
+
+def _experiment_row(experiment: Experiment) -> dict:
+    odds, seconds = experiment.expected_log_odds, experiment.cost_s
+    return {
+        "experiment": experiment.words,
+        "distinguishes": ", ".join(pretty(name) for name in experiment.separates),
+        "indentations": experiment.presses,
+        "time": None if seconds is None else unbroken(_time_text(seconds)),
+        "expected odds": None if odds is None else unbroken(f"{_odds_text(odds)} : 1"),
+    }
+
+
+def _time_text(seconds: float) -> str:
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+def _odds_text(log_odds: float) -> str:
+    return "> 1000" if log_odds > log(1000) else two_digits(exp(log_odds))
+
+
+def held_out(results: MismatchResults) -> Chapter:
+    """Return the errors before and after on blocks that were held out, and on all readings."""
+    chapter, fit = Chapter("held-out", "On held-out readings"), results.verdict.fit
+    blocks = [] if fit.held_out is None else [fit.held_out, *fit.held_out_blocks]
+    rows = [_errors(BLOCKS.get(b.block, b.block), b.before, b.after, results.axes) | _gain(b) for b in blocks]
+    rows.append(_errors("all, fitted ones included", fit.before, fit.after, results.axes))
+    words = (
+        "Root mean square errors, before → after: the answer, fitted to the other readings, predicts these. Less the"
+        f" penalty of selection, a gain counts above two standard errors or {log(HELD_OUT_ODDS):.1f}. It decides nothing."
+        if blocks
+        else "Nothing was put into the simulation, so there is nothing to try on held-out readings."
+    )
+    chapter.tabulate(words, filled(rows))
     if fit.flow:
         after = "" if fit.flow.rmse_after_px is None else f", {fit.flow.rmse_after_px:.3g} px after"
         chapter.say(
@@ -117,51 +205,19 @@ def set_aside(results: MismatchResults) -> Chapter:
     return chapter
 
 
-def _gain_row(block: HeldOut) -> dict:
+def _errors(name: str, before: Score, after: Score | None, axes: list[str]) -> dict:
+    """Return the errors of each axis, before and after."""
+    row: dict = {"readings": name, "values": before.readings}
+    for axis in axes:
+        k = "xyz".index(axis)
+        values = [score.rmse_N[k] for score in (before, after) if score and score.rmse_N[k] is not None]
+        row[f"F{axis}_N"] = unbroken(" → ".join(f"{value:.3g}" for value in values)) or None
+    return row
+
+
+def _gain(block: HeldOut) -> dict:
     return {
-        "held out": block.block,
-        "values": block.before.readings,
-        "log score before": block.before.log_score,
-        "log score after": block.after.log_score,
-        "gain": f"{block.gain:+.3g} ± {block.standard_error:.2g}",
-        "selection penalty": f"{block.paid:.2g}" if block.paid else None,
+        "log score gains": unbroken(f"{block.gain:+.3g} ± {block.standard_error:.2g}"),
+        "penalty": f"{block.paid:.2g}" if block.paid else None,
         "counts": block.shown,
     }
-
-
-def _score_row(name: str, score: Score) -> dict:
-    errors = {f"rms error {axis}_N": number(value) for axis, value in zip("xyz", score.rmse_N)}
-    return {"simulation": name, "values": score.readings, **errors, "log score": score.log_score}
-
-
-def undecided(results: MismatchResults) -> Chapter:
-    """Return the experiments that would distinguish what these readings cannot."""
-    chapter, verdict = Chapter("undecided", "What to record next"), results.verdict
-    for group in verdict.answer:
-        if group.decided_by:
-            names = ", ".join(map(pretty, group.names))
-            chapter.say(f"{names}: {group.decided_by.rstrip('.')}.")
-    if verdict.next_experiments:
-        chapter.tabulate(
-            "What to record next; first what is expected to decide, where its cost and odds are known.",
-            filled([_experiment_row(experiment) for experiment in verdict.next_experiments]),
-        )
-    else:
-        chapter.say("No further experiment is proposed.")
-    return chapter
-
-
-def _experiment_row(experiment: Experiment) -> dict:
-    odds = experiment.expected_log_odds
-    cost = experiment.cost_s
-    return {
-        "experiment": experiment.words,
-        "distinguishes": ", ".join(pretty(name) for name in experiment.separates),
-        "indentations": experiment.presses,
-        "time": None if cost is None else unbroken(_time_text(cost)),
-        "expected odds": None if odds is None else unbroken(f"{odds_text(odds)} : 1"),
-    }
-
-
-def _time_text(seconds: float) -> str:
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

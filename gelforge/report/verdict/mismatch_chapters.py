@@ -1,4 +1,4 @@
-"""What a verdict's page says, and the chapter about it that ends a study's report."""
+"""The chapters of a verdict's page, and the one about it that ends a study's report."""
 
 from __future__ import annotations
 
@@ -6,238 +6,175 @@ import os
 
 import pandas as pd
 
-from gelforge.mismatch.result.verdict import PAGE, VERDICT, Group, HeldOut, Noise, Verdict, VerdictError
+from gelforge.mismatch.result.verdict import PAGE, VERDICT, DetectionLimit, Noise, VerdictError, Where
 from gelforge.mismatch.result.verdict_tables import LIMITS
-from gelforge.report.chapters.chapter import Chapter, Facts, Link
+from gelforge.report.chapters.chapter import Chapter, Facts, Link, count
 from gelforge.report.chapters.results_reader import StudyResults
-from gelforge.report.verdict.mismatch_answer import ranking, set_aside, undecided
-from gelforge.report.verdict.mismatch_curves import noise_figure
-from gelforge.report.verdict.mismatch_maps import chance_text, headline_figure, pretty
-from gelforge.report.verdict.mismatch_pattern import over_depth, over_time, through_body, where
-from gelforge.report.verdict.mismatch_reader import MismatchResults, rms
+from gelforge.report.verdict.mismatch_answer import answer, held_out, show_before_after
+from gelforge.report.verdict.mismatch_curves import depth_figure, time_figure
+from gelforge.report.verdict.mismatch_flow import MOST_SHOWN, flow_residual_figure
+from gelforge.report.verdict.mismatch_maps import body_map_figure, is_known
+from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import (
-    STATE_MEANS,
-    amounts_text,
+    chance_text,
     filled,
-    number,
+    in_unit,
     p_text,
+    pretty,
+    span_text,
     unbroken,
 )
 
 FOLDER = "mismatch"  # of a study's verdict, in its results folder
-MOST_LIMITS = 10  # values in the table of the page
+WHERE = {"words": "pattern", "snr": "signal over noise", "p": "chance"}
+MOST_LIMITS = 10  # effects in the table of the page
 # What a laboratory asks for first: materials, contact point, force sensor, geometry.
-SHOWN_FIRST = (
+FIRST = (
     *("gel_stiffness", "skin_stiffness", "friction", "contact_zero", "layer_thickness", "force_gain"),
-    *(
-        "indenter_radius",
-        "frame_compliance",
-        "viscoelastic",
-        "elastic_base",
-        "tilt",
-        "adhesion",
-        "clock_offset",
-    ),
+    *("indenter_radius", "frame_compliance", "viscoelastic", "elastic_base", "tilt", "adhesion"),
+    "clock_offset",
 )
 
 
-def in_short(results: MismatchResults) -> Chapter:
-    """Return before, after and the chances, and the numbers that carry the verdict."""
-    verdict, axis = results.verdict, results.strongest_axis
-    chapter = Chapter("short", "In short")
-    pushes = " (red: it pushes back less, blue: more)" if axis == "z" else ""
-    words = f"Coloured squares are where the sensor reads another force than simulated{pushes}; white is agreement."
-    words += " On the right, what is most probably missing." if verdict.effects else ""
-    if not results.has_after:
-        words += " There is one map only: nothing was put into the simulation."
-    chapter.show(words, headline_figure(results))
-    if verdict.answer:
+def where(results: MismatchResults) -> Chapter:
+    """Return the patterns that were found, force over depth, and in folds over time and through the body."""
+    chapter, verdict = Chapter("where", "Where it differs"), results.verdict
+    if verdict.where:
+        located = any(place.radius_mm is not None for place in verdict.where)
+        circled = "; dashed circles in the maps are places of this table" if located else ""
         chapter.tabulate(
-            "What may be missing. Of each set one effect is there; sets hold 95 % of the probability. Effects of one line"
-            " have the same sensitivities: only another experiment distinguishes them.",
-            filled([row for group in verdict.answer for row in _rows(verdict, group)]),
+            f"The strongest patterns, with p-values corrected for the search, and defects of the answer{circled}.",
+            filled([_where_row(place) for place in verdict.where]).rename(columns=WHERE),
         )
-        chapter.say(" ".join(filter(None, (_interchange(group) for group in verdict.answer))))
-    facts = [("What that means", STATE_MEANS[verdict.state]), ("Next", verdict.next_step)]
-    if verdict.unknown is not None and verdict.state == "unexplained":
-        reported = (
-            f"{chance_text(verdict.unknown.probability)} probable; it would change {verdict.unknown.words}"
-        )
-        facts.append(("No known effect", reported))
-    held_out = verdict.fit.held_out
-    if held_out:
-        facts.append((f"Error of F{axis}, held out", _before_after(held_out, axis)))
-    noise = rms(results.readings.loc[results.readings["axis"] == axis, "sigma_N"])
-    facts.append(("Error allowed for", f"{noise:.3g} N: instrument, contact point, materials' fit, mesh"))
-    test = verdict.mismatch
-    chance = f"as much mismatch: {p_text(test.p)}; as strong a pattern: {p_text(test.scan_p)}"
-    if test.unknown_p is not None:
-        chance += f"; as much for a discrepancy: {p_text(test.unknown_p)} at most"
-    if test.known_p is not None:
-        chance += f"; as much for known effects: {p_text(test.known_p)} at most"
-    facts.append(("By chance alone", chance))
-    if verdict.adequacy:
-        a = verdict.adequacy
-        reported = f"{a.words}: by chance {p_text(a.p)}, as strong a pattern {p_text(a.scan_p)}"
-        facts.append(("After it", reported))
-    chapter.blocks.append(Facts(facts))
-    return chapter
-
-
-def _rows(verdict: Verdict, group: Group) -> list[dict]:
-    """Return a row for each effect of a credible set."""
-    effects = {effect.name: effect for effect in verdict.effects}
-    chance = group.probability if group.set_probability is None else group.set_probability
-    return [
-        {
-            "probability of the set": chance_text(chance) if name == group.names[0] else "",
-            "effect": unbroken(pretty(name)),
-            "share": chance_text(group.shares.get(name, 1.0)),
-            "line": "same as the first" if name in group.members[1:] else "",
-            "value (90 % interval)": unbroken(amounts_text(effects[name])),
-        }
-        for name in group.names
-    ]
-
-
-def _interchange(group: Group) -> str:
-    """Return whether it matters which effect of a set is put into the study; nothing of a single one."""
-    if group.differs_N is None or group.differs_snr is None or len(group.names) == 1:
-        return ""
-    size = f"by {group.differs_N:.2g} N rms at most (signal over noise {group.differs_snr:.2g})"
-    if group.one_patch:
-        return f"Effects of the set of {pretty(group.members[0])} predict the same readings, {size}: one patch serves."
-    return f"Effects of the set of {pretty(group.members[0])} predict readings that differ {size}."
-
-
-def _before_after(block: HeldOut, axis: str) -> str:
-    before, after = (score.rmse_N["xyz".index(axis)] for score in (block.before, block.after))
-    gain = f"log score {block.gain:+.3g} ± {block.standard_error:.2g}"
-    if before is None or after is None:
-        return gain
-    return f"{before:.3f} N before, {after:.3f} N after ({gain})"
-
-
-def noise(results: MismatchResults) -> Chapter:
-    """Return the errors that were allowed for, and the verdict under others where that was asked."""
-    chapter, stated = Chapter("noise", "Errors that were allowed for"), results.verdict.noise
-    if stated.sensitivity:
-        chapter.show(
-            "The verdict, from left to right, as the force sensor is believed to be worse; numbers are its probability.",
-            noise_figure(stated.sensitivity),
-        )
-    named = {"one reading": stated.stated_N, "zero, per indentation": stated.zero_N}
-    named |= {"mesh": stated.floor_N, "materials' fit": stated.law_N}
-    rows = [{"error of": n} | {f"{a}_N": number(v) for a, v in zip("xyz", s)} for n, s in named.items()]
-    chapter.tabulate(
-        f"Standard deviations that were allowed for; {_depth_errors(stated)}.",
-        pd.DataFrame(rows),
+    else:
+        chapter.say("No pattern stands out from the errors that were allowed for.")
+    after = "; the blue line, after, should run through the dots" if results.has_after else ""
+    chapter.show(
+        f"Grey is the simulation before, orange the readings{after}. Bands are two standard deviations; hollow dots"
+        " were read during unloading.",
+        depth_figure(results),
     )
+    if results.flow is not None:
+        chapter.show(
+            f"How far the images' flow is from the simulated one, at {MOST_SHOWN} sites at most: darker is farther. Where"
+            " single particles are is always left.",
+            flow_residual_figure(results),
+        )
+    _show_time(chapter, results)
+    _show_body(chapter, results)
     return chapter
 
 
-def _depth_errors(stated: Noise) -> str:
-    """Return in words how well the depth was taken to be known."""
-    parts = {
-        "from one indentation to the next": stated.press_depth_mm,
-        "of a session's contact point": stated.session_depth_mm,
-    }
-    if None in parts.values():  # a verdict of an earlier version
-        return f"the depth's zero: {stated.touchdown_mm:.3g} mm"
-    return "the depth: " + ", ".join(f"{size:.3g} mm {words}" for words, size in parts.items())
+def _where_row(place: Where) -> dict:
+    said = {"depth_mm": span_text(place.depth_mm), "time_s": span_text(place.time_s)}
+    said["p"] = None if place.p is None else unbroken(p_text(place.p))
+    return place.model_dump() | said
+
+
+def _show_time(chapter: Chapter, results: MismatchResults) -> None:
+    time = results.readings.groupby("session")["time_s"]
+    if not (time.max() > time.min()).any():  # not known, or all the same
+        chapter.miss("No strip over time: these readings have no times.")
+        return
+    chapter.fold("Over time").show(
+        "A slope or a step is drift, ageing or a change during the recording; what depends on place or depth is scatter.",
+        time_figure(results),
+    )
+
+
+def _show_body(chapter: Chapter, results: MismatchResults) -> None:
+    patches = results.body_map
+    if patches is None:
+        chapter.miss("No body map: the nominal model has no solved sites whose modulus could be changed.")
+        return
+    known = f"{int(is_known(patches).sum())} of {count(len(patches), 'patch', 'patches')} beyond two standard deviations"
+    chapter.fold(f"Inside the sensor: {known}").show(
+        "Where the sensor would have to be stiffer (red) or softer (blue) to read as it did, whatever the true cause."
+        " Patches in a dark frame are beyond two standard deviations; the faded ones could as well be unchanged.",
+        body_map_figure(results),
+    )
 
 
 def limits(results: MismatchResults) -> Chapter:
-    """Return what these readings cannot show: known reasons, and values too small to be seen."""
+    """Return what these readings cannot show: known reasons, values too small to be seen, and what was left out."""
     chapter, verdict = Chapter("cannot-know", "What these readings cannot show"), results.verdict
     for sentence in verdict.cannot_know:
         chapter.say(sentence)
-    if verdict.detection_limits:
-        found = verdict.detection_limits
+    if found := verdict.detection_limits:
         hidden = sum(not limit.seen for limit in found)
-        first = sorted(found, key=lambda limit: [*SHOWN_FIRST, limit.effect].index(limit.effect))
-        rows = [
-            {
-                "effect": pretty(limit.effect),
-                "parameter": pretty(limit.parameter),
-                "smallest detectable": _in_unit(limit.amount, limit.unit),
-                "plausible": _in_unit(limit.plausible, limit.unit),
-            }
-            for limit in first[:MOST_LIMITS]
-        ]
+        names = sorted(
+            dict.fromkeys(limit.effect for limit in found), key=lambda name: [*FIRST, name].index(name)
+        )
         chapter.tabulate(
-            f"The smallest value that these readings would show, and a plausible one. Of {len(found)} values {hidden} would"
-            f" stay hidden; {LIMITS} has all.",
-            pd.DataFrame(rows),
+            f"The smallest value that these readings would show, and a plausible one. Of {len(found)} plausible values"
+            f" {hidden} would stay hidden; {LIMITS} has all.",
+            pd.DataFrame([_limit_row(name, found) for name in names[:MOST_LIMITS]]),
         )
     if not chapter.blocks:
         chapter.say("Nothing is known to be out of reach.")
+    if verdict.outliers:
+        folded = chapter.fold(f"{count(len(verdict.outliers), 'outlier')} not judged")
+        table = pd.DataFrame([outlier.model_dump() for outlier in verdict.outliers])
+        folded.tabulate("They stay in the recording; size is in standard deviations.", table)
     return chapter
 
 
-def _in_unit(value: float | None, unit: str) -> str:
-    """Return a value with two digits and its unit; shares in per cent."""
-    if value is None:
-        return "none"
-    return f"{100 * value:.2g} %" if unit in ("1", "-") else f"{value:.2g} {unit}"
-
-
-def outliers(results: MismatchResults) -> Chapter:
-    """Return the readings that were left out as outliers."""
-    chapter, found = Chapter("outliers", "Readings left out as outliers"), results.verdict.outliers
-    if not found:
-        chapter.say("None: every reading was judged.")
-        return chapter
-    rows = [
-        {
-            "session": o.session,
-            "press": o.press,
-            "time_s": number(o.time_s),
-            "depth_mm": number(o.depth_mm),
-            "axis": o.axis or "all",
-            "size over sigma": number(o.size),
-            "reason": o.reason,
-        }
-        for o in found
-    ]
-    chapter.tabulate("Not judged, and not dropped from the recording.", pd.DataFrame(rows))
-    return chapter
+def _limit_row(name: str, found: list[DetectionLimit]) -> dict:
+    """Return an effect's parameters, their smallest detectable and their plausible values, a line each."""
+    own = [limit for limit in found if limit.effect == name]
+    cells = {
+        "parameter": [pretty(limit.parameter) for limit in own],
+        "smallest detectable": [in_unit(limit.amount, limit.parameter, limit.unit) for limit in own],
+        "plausible": [in_unit(limit.plausible, limit.parameter, limit.unit) for limit in own],
+        "a plausible one is seen": ["yes" if limit.seen else "no" for limit in own],
+    }
+    return {"effect": pretty(name)} | {key: "\n".join(lines) for key, lines in cells.items()}
 
 
 def origin(results: MismatchResults) -> Chapter:
-    """Return what the verdict rests on."""
-    chapter, made = Chapter("origin", "What this rests on"), results.verdict.provenance
-    kind = "SYNTHETIC: made by a virtual lab or another solver" if results.verdict.synthetic else "recorded"
-    facts = [
-        ("Readings", kind),
-        ("Nominal model", made.base),
-        ("SHA-256 of the nominal model", made.base_sha256),
-    ]
+    """Return what the verdict rests on: readings, nominal model, and errors that were allowed for."""
+    chapter, verdict = Chapter("origin", "What this rests on"), results.verdict
+    made, kind = verdict.provenance, "SYNTHETIC: made by a virtual lab or another solver"
+    facts = [("Readings", kind if verdict.synthetic else "recorded"), ("Nominal model", made.base)]
+    chapter.blocks.append(Facts(facts))
+    _tabulate_noise(chapter, verdict.noise)
+    facts = [("SHA-256 of the nominal model", made.base_sha256)]
     facts += [(f"SHA-256 of session {name}", value) for name, value in made.sessions.items()]
     facts += [("Draws", f"{made.draws:,}, seed {made.seed}")]
     facts += [("Versions", ", ".join(f"{name} {version}" for name, version in sorted(made.versions.items())))]
-    chapter.blocks.append(Facts(facts))
+    chapter.fold("Digests, seed and versions").blocks.append(Facts(facts))
     return chapter
 
 
-CHAPTERS = (
-    in_short,
-    where,
-    over_depth,
-    over_time,
-    through_body,
-    ranking,
-    set_aside,
-    undecided,
-    noise,
-    limits,
-    outliers,
-    origin,
-)
+def _tabulate_noise(chapter: Chapter, stated: Noise) -> None:
+    """Add the errors that were allowed for, and the verdict under others where that was asked."""
+    named = {"one reading": stated.stated_N, "zero, per indentation": stated.zero_N}
+    named |= {"mesh": stated.floor_N, "materials' fit": stated.law_N}
+    rows = [{"error of": n} | {f"{a}_N": v for a, v in zip("xyz", s)} for n, s in named.items()]
+    parts = (
+        (stated.press_depth_mm, "per indentation"),
+        (stated.session_depth_mm, "of a session's contact point"),
+    )
+    depth = ", ".join(f"{size:.3g} mm {words}" for size, words in parts if size is not None)
+    chapter.tabulate(f"Standard deviations that were allowed for; of the depth {depth}.", pd.DataFrame(rows))
+    rows = [
+        {
+            "reading of Fz_N": case.sigma_z_N,
+            "verdict": case.state,
+            "what is missing": " and ".join(" or ".join(map(pretty, group)) for group in case.answer),
+            "probability": None if case.probability is None else chance_text(case.probability),
+        }
+        for case in sorted(stated.sensitivity, key=lambda case: case.sigma_z_N)
+    ]
+    if rows:
+        chapter.tabulate("The verdict as the force sensor is believed to be worse.", filled(rows))
+
+
+CHAPTERS = (answer, where, held_out, limits, origin)
 
 
 def mismatch(results: StudyResults) -> Chapter:
-    """Return the end of a study's report: the verdict in a sentence, before and after, and the way to its page."""
+    """Return the end of a study's report: the verdict in a sentence, what to do, before and after, and its page."""
     chapter = Chapter("mismatch", "What the simulation leaves out")
     folder = results.folder / FOLDER
     if not results.study.sessions:
@@ -251,20 +188,14 @@ def mismatch(results: StudyResults) -> Chapter:
         return chapter
     try:
         found = MismatchResults(folder)
-        verdict = found.verdict
+        verdict, _ = found.verdict, found.readings
     except VerdictError as error:
         missing = not (folder / VERDICT).is_file()
         chapter.miss(f"No verdict: {folder / VERDICT} is not there." if missing else f"No verdict: {error}")
         return chapter
     made_up = " The readings are SYNTHETIC." if verdict.synthetic else ""
-    chapter.say(f"{verdict.sentence}{made_up}")
-    chapter.show(
-        "Left to right: the sensor's force less the simulated, before and after on one colour scale, and the chances of what"
-        " is missing."
-        if found.has_after
-        else "The sensor's force less the simulated, and the chances of what is missing.",
-        headline_figure(found),
-    )
+    chapter.say(f"{verdict.sentence}{made_up} Next: {verdict.next_step}")
+    show_before_after(chapter, found)
     page = folder / PAGE
     if page.is_file():
         chapter.blocks.append(

@@ -1,4 +1,4 @@
-"""A mismatch over depth, over time, on held-out readings, and over the noise that is believed."""
+"""A mismatch over depth and over time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gelforge.mismatch.result.verdict import HeldOut, NamedEffect, NoiseCase, Verdict
 from gelforge.report.figures.style import (
     INK,
     MEASURED,
@@ -18,14 +17,11 @@ from gelforge.report.figures.style import (
     signed_limit,
     styled,
 )
-from gelforge.report.verdict.mismatch_maps import pretty
 from gelforge.report.verdict.mismatch_reader import LOADING, MismatchResults
 
 BEFORE = {"color": PUBLISHED, "label": "simulated before"}
 AFTER = {"color": SIMULATED, "label": "simulated after"}
 SIGMAS = 2  # of every band
-BLOCKS = {"all": "all held out", "positions": "other positions", "deepest": "deepest indentations"}
-PROFILE_DROP = 1.353  # of the log likelihood at the ends of a 90 % interval: half of chi-squared's 90 % point, one degree
 
 
 @styled
@@ -134,85 +130,3 @@ def _session_time(readings: pd.DataFrame) -> tuple[pd.DataFrame, list[tuple[str,
         ends.append((str(name), at, float(minute.max())))
         at = float(minute.max()) + gap
     return pd.concat(parts), ends
-
-
-@styled
-def held_out_figure(blocks: list[HeldOut], axes_read: list[str]) -> Figure:
-    """Return the error before and after on each block that was held out: a line per block and axis."""
-    rows = [(block, axis) for block in blocks for axis in axes_read]
-    figure, axes = new_figure(7.4, 0.9 + 0.3 * len(rows))
-    ax = axes[0, 0]
-    for row, (block, axis) in enumerate(rows):
-        before, after = (score.rmse_N["xyz".index(axis)] for score in (block.before, block.after))
-        if before is None or after is None:
-            continue
-        ax.plot([before, after], [row, row], "-", color="#C9D3DB", lw=5, solid_capstyle="round", zorder=1)
-        ax.plot(before, row, "o", ms=8, color=PUBLISHED, label="before", zorder=3)
-        ax.plot(after, row, "o", ms=8, color=SIMULATED, label="after", zorder=4)
-        ax.text(max(before, after), row, f"   {before:.3f} → {after:.3f} N", va="center", fontsize=9)
-    ax.set_yticks(
-        range(len(rows)), [f"{BLOCKS.get(block.block, block.block)}: $F_{axis}$" for block, axis in rows]
-    )
-    ax.set_xlim(0, 1.35 * max(ax.get_xlim()[1], 1e-6))
-    ax.invert_yaxis()
-    ax.tick_params(axis="y", length=0)
-    ax.set_xlabel("rms error on held-out readings [N]")
-    handles = dict(zip(*ax.get_legend_handles_labels()[::-1]))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2)
-    return figure
-
-
-def answer_text(case: NoiseCase | Verdict) -> str:
-    """Return state and answer in a few words, as on an axis."""
-    groups = case.answer if isinstance(case, NoiseCase) else [group.names for group in case.answer]
-    names = " and ".join(" or ".join(pretty(name) for name in group) for group in groups)
-    names += " and something more" if isinstance(case, NoiseCase) and case.beside else ""
-    return f"{case.state}: {names}" if names else case.state
-
-
-@styled
-def noise_figure(cases: list[NoiseCase]) -> Figure:
-    """Return the verdict over the standard deviation of a reading of Fz that is believed."""
-    cases = sorted(cases, key=lambda case: case.sigma_z_N)
-    rows = list(dict.fromkeys(answer_text(case) for case in cases))
-    sigma = np.array([case.sigma_z_N for case in cases])
-    figure, axes = new_figure(7.8, 1.1 + 0.42 * len(rows))
-    ax = axes[0, 0]
-    level = [rows.index(answer_text(case)) for case in cases]
-    ax.plot(sigma, level, "-", color="#D5DCE2", lw=2, zorder=1)
-    for case, row in zip(cases, level):
-        ax.plot(case.sigma_z_N, row, "o", ms=9, color=SIMULATED if case.answer else "#9AA3AB", zorder=3)
-        if case.probability is not None:
-            text = {"textcoords": "offset points", "ha": "center", "fontsize": 8}
-            ax.annotate(f"{case.probability:.2f}", (case.sigma_z_N, row), (0, 8), **text)
-    for case in cases:
-        if abs(case.scale - 1) < 1e-9:
-            ax.axvline(case.sigma_z_N, color=INK, lw=1, ls="--", zorder=0)
-            top = ax.get_xaxis_transform()
-            ax.text(case.sigma_z_N, 1.01, "as stated", transform=top, ha="center", va="bottom", fontsize=8.5)
-    ax.set_xscale("log")
-    ax.set_xticks(sigma, [f"{value:.3g}" for value in sigma])
-    ax.set_xticks([], minor=True)
-    ax.set_yticks(range(len(rows)), [row if len(row) < 60 else row[:57] + "..." for row in rows])
-    ax.set_ylim(len(rows) - 0.5, -0.6)
-    ax.tick_params(axis="y", length=0)
-    ax.set_xlabel("standard deviation of a reading of $F_z$ that is believed [N]")
-    return figure
-
-
-@styled
-def profile_figure(effects: list[NamedEffect]) -> Figure:
-    """Return the log likelihood over each value that has a profile; the shaded range is the 90 % interval."""
-    shown = [(effect, amount) for effect in effects for amount in effect.amounts if amount.profile]
-    figure, axes = new_figure(0.6 + 3.0 * len(shown), 2.5, nrows=1, ncols=len(shown), sharey=True)
-    for ax, (effect, amount) in zip(axes[0], shown):
-        value, log = np.array(amount.profile).T
-        ax.axvspan(*amount.interval_90, color=SIMULATED, alpha=0.15, lw=0)
-        ax.plot(value, log, "-", color=SIMULATED, lw=1.8)
-        ax.axhline(-PROFILE_DROP, color="#888888", lw=0.8, ls=":")
-        ax.axvline(0, color=INK, lw=0.8)
-        unit = "" if amount.unit in ("", "-") else f" [{amount.unit}]"
-        ax.set(xlabel=f"{pretty(amount.name)}{unit}", ylim=(-6, 0.4))
-        ax.set_title(pretty(effect.name), fontsize=9.5)
-    axes[0, 0].set_ylabel("log likelihood, best = 0")
-    return figure

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 
 from gelforge.report.figures.style import new_figure, styled
+from gelforge.report.verdict.mismatch_maps import draw_squares, spacing
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 
 SIZES = "Blues"  # sizes, white at none
@@ -49,17 +51,11 @@ def _left(table: pd.DataFrame, name: str) -> np.ndarray:
     return np.column_stack([table[f"measured_{axis}_px"] - table[f"{name}_{axis}_px"] for axis in "uv"])
 
 
-def _draw(ax: Axes, table: pd.DataFrame, left: np.ndarray, limit: float):
+def _draw(ax: Axes, table: pd.DataFrame, left: np.ndarray, limit: float) -> PatchCollection:
     """Draw the size of what is left; return what the colour bar belongs to."""
-    u, v = (table[f"middle_{axis}_px"].to_numpy() for axis in "uv")
-    sides = [float(np.diff(np.unique(at)).min()) if len(np.unique(at)) > 1 else 1.0 for at in (u, v)]
-    columns, rows = (np.round((at - at.min()) / side).astype(int) for at, side in zip((u, v), sides))
-    size = np.full((rows.max() + 1, columns.max() + 1), np.nan)
-    size[rows, columns] = np.hypot(*left.T)
-    edges = [
-        at.min() - side / 2 + side * np.arange(n + 1) for at, side, n in zip((u, v), sides, size.shape[::-1])
-    ]
-    shown = ax.pcolormesh(*edges, size, cmap=SIZES, vmin=0, vmax=limit, ec="white", lw=0.4)
+    at, none = table[["middle_u_px", "middle_v_px"]].to_numpy(float), np.zeros(len(table), bool)
+    shown = draw_squares(ax, at, spacing(at), np.hypot(*left.T), (SIZES, 0, limit), none)
     ax.set_aspect("equal")
-    ax.set_ylim(edges[1][-1], edges[1][0])  # v points down, as in the image
+    ax.autoscale_view()
+    ax.yaxis.set_inverted(True)  # v points down, as in the image
     return shown

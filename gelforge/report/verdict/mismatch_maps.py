@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -12,34 +14,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from scipy.spatial import cKDTree
 
-from gelforge.mismatch.result.verdict import Layer, Where
-from gelforge.report.figures.style import (
-    FAINT,
-    INK,
-    SIGNED,
-    SIMULATED,
-    new_figure,
-    signed_limit,
-    styled,
-    surface_axes,
-)
-from gelforge.report.verdict.mismatch_reader import MismatchResults
+from gelforge.mismatch.result.verdict import Where
+from gelforge.report.figures.style import FAINT, INK, SIGNED, new_figure, signed_limit, styled, surface_axes
+from gelforge.report.verdict.mismatch_reader import SIGMA, MismatchResults
 
-CHANCES = 5  # bars of the headline
-OTHER = "#9AA3AB"
-NOTHING = "#009E73"  # as the page marks a verdict of consistent
 FADED = 0.4  # opacity of a patch whose change is within two standard deviations
-
-
-def pretty(name: str) -> str:
-    """Return an effect's name as people write it."""
-    return name.replace("_", " ")
-
-
-def colour_limit(results: MismatchResults) -> float:
-    """Return the limit [N] that all maps of a page share: at least what the errors of one reading can do (two sigma)."""
-    noise = results.readings.groupby("axis")["sigma_N"].median().max()
-    return signed_limit(results.site_means["before"], results.site_means["after"], floor=2 * float(noise))
+ORDER = "zxy"  # of the rows: pressing first, the sideways axes with their own scale below
+UNITS = {"": "N", SIGMA: "σ"}  # of a column's ending
 
 
 def square_mm(sites: pd.DataFrame, width_mm: float) -> float:
@@ -51,23 +32,33 @@ def square_mm(sites: pd.DataFrame, width_mm: float) -> float:
     return float(np.clip(0.94 * np.median(nearest), width_mm / 40, width_mm / 6))
 
 
-def draw_residual_map(ax: Axes, results: MismatchResults, axis: str, column: str, limit: float):
-    """Draw the mean residual (before or after) at each site, held-out sites framed; return what the bar belongs to."""
+def draw_squares(
+    ax: Axes, at: np.ndarray, sides: tuple[float, float], values: np.ndarray, scale: tuple, framed: np.ndarray
+) -> PatchCollection:
+    """Draw values (n,) as rectangles about at (n, 2), some in a dark frame; scale: colour map, lowest, highest."""
+    cmap, low, high = scale
+    corners = at - np.divide(sides, 2)
+    shown = PatchCollection(
+        [Rectangle((x, y), *sides) for x, y in corners], cmap=cmap, norm=Normalize(low, high)
+    )
+    shown.set_array(values)
+    shown.set_edgecolor(np.where(framed, INK, FAINT).tolist())
+    shown.set_linewidth(np.where(framed, 1.3, 0.4).tolist())
+    ax.add_collection(shown)
+    return shown
+
+
+def draw_residual_map(
+    ax: Axes, results: MismatchResults, axis: str, column: str, limit: float
+) -> PatchCollection:
+    """Draw a column of the sites' means, held-out sites framed; return what the colour bar belongs to."""
     sites = results.site_means[results.site_means["axis"] == axis]
     sites = sites.sort_values("held_out", kind="stable")  # frames lie on top
     sensor = results.verdict.sensor
     assert sensor is not None  # the chapter has looked
-    side = square_mm(sites, sensor.width_x_mm)
-    corners = sites[["x_mm", "y_mm"]].to_numpy(float) - side / 2
-    shown = PatchCollection(
-        [Rectangle(tuple(corner), side, side) for corner in corners],
-        cmap=SIGNED,
-        norm=Normalize(-limit, limit),
-    )
-    shown.set_array(sites[column].to_numpy())
-    shown.set_edgecolor(np.where(sites["held_out"], INK, FAINT).tolist())
-    shown.set_linewidth(np.where(sites["held_out"], 1.3, 0.4).tolist())
-    ax.add_collection(shown)
+    side, at = square_mm(sites, sensor.width_x_mm), sites[["x_mm", "y_mm"]].to_numpy(float)
+    values, framed = sites[column].to_numpy(), sites["held_out"].to_numpy(bool)
+    shown = draw_squares(ax, at, (side, side), values, (SIGNED, -limit, limit), framed)
     surface_axes(ax, sensor.width_x_mm, sensor.width_y_mm, labels=False)
     for where in results.verdict.where:
         _circle(ax, where)
@@ -80,86 +71,46 @@ def _circle(ax: Axes, where: Where) -> None:
         ax.add_patch(circle)
 
 
-def _error(results: MismatchResults, axis: str, column: str) -> str:
-    score = results.verdict.fit.before if column == "before" else results.verdict.fit.after
-    value = score.rmse_N["xyz".index(axis)] if score else None
-    return "" if value is None else f"error {value:.3f} N rms"
-
-
 @styled
-def headline_figure(results: MismatchResults) -> Figure:
-    """Return the strongest axis before and after on one scale, and the chances of what is missing."""
-    axis, columns = results.strongest_axis, ["before", "after"] if results.has_after else ["before"]
-    maps = len(columns) if results.verdict.sensor else 0
+def before_after_figure(results: MismatchResults) -> Figure:
+    """Return measured minus simulated at each site, before and after: an axis per row, in newtons and then in sigma.
+
+    Newtons have a scale for pressing and one for the sideways axes, sigma has one.
+    """
+    axes_read = [axis for axis in ORDER if axis in results.axes]
+    states = ["before", "after"] if results.has_after else ["before"]
+    columns = [f"{state}{ending}" for ending in UNITS for state in states]
     figure, axes = new_figure(
-        3.1 * maps + 4.2, 3.1, nrows=1, ncols=maps + 1, width_ratios=[1.0] * maps + [1.25]
-    )
-    limit = colour_limit(results)
-    for ax, column in zip(axes[0, :maps], columns):
-        shown = draw_residual_map(ax, results, axis, column, limit)
-        ax.set_title(f"$F_{axis}$ {column}: {_error(results, axis, column)}", fontsize=10)
-        ax.set_xlabel("x [mm]")
-    if maps:
-        axes[0, 0].set_ylabel("y [mm]")
-        figure.colorbar(shown, ax=list(axes[0, :maps]), label="measured − simulated [N]", shrink=0.85)
-    draw_chances(axes[0, -1], results)
-    return figure
-
-
-def draw_chances(ax: Axes, results: MismatchResults) -> None:
-    """Draw the probability of the first few effects, of a discrepancy and of nothing; the answer's members in blue."""
-    verdict = results.verdict
-    members = {name for group in verdict.answer for name in group.names}
-    bars = [
-        (pretty(e.name), e.probability, SIMULATED if e.name in members else OTHER)
-        for e in verdict.effects[:CHANCES]
-    ]
-    if verdict.unknown is not None:
-        colour = SIMULATED if verdict.state in ("unexplained", "modelled") else OTHER
-        bars.append(("no known effect", verdict.unknown.probability, colour))
-    nothing = NOTHING if verdict.state == "consistent" else OTHER
-    bars.append(("nothing is missing", verdict.null_probability, nothing))
-    for row, (_, chance, colour) in enumerate(bars):
-        ax.barh(row, chance, color=colour, height=0.62)
-        ax.text(chance + 0.02, row, chance_text(chance), va="center", fontsize=9)
-    ax.set_yticks(range(len(bars)), [name for name, *_ in bars], fontsize=9.5)
-    ax.set_xticks([0, 0.5, 1], ["0 %", "50 %", "100 %"])
-    ax.set_xlim(0, 1.22)
-    ax.tick_params(axis="y", length=0)
-    ax.invert_yaxis()
-    ax.spines["left"].set_visible(False)
-    ax.set_title("probability that it is missing", fontsize=10)
-
-
-def chance_text(chance: float) -> str:
-    """Return a probability as people read it: never a bare 0 or 1."""
-    if chance < 0.01:
-        return "< 1 %" if chance < 0.005 else "1 %"
-    return "> 99 %" if chance > 0.995 else f"{100 * chance:.0f} %"
-
-
-@styled
-def residual_maps_figure(results: MismatchResults) -> Figure:
-    """Return measured minus simulated at each site, before and after (rows) per axis (columns), all on one scale."""
-    columns = ["before", "after"] if results.has_after else ["before"]
-    figure, axes = new_figure(
-        1.8 + 2.7 * len(results.axes),
-        0.5 + 2.75 * len(columns),
-        nrows=len(columns),
-        ncols=len(results.axes),
+        2.0 + 1.9 * len(columns),
+        0.5 + 1.95 * len(axes_read),
+        nrows=len(axes_read),
+        ncols=len(columns),
         sharex=True,
         sharey=True,
     )
-    limit = colour_limit(results)
-    for row, column in zip(axes, columns):
-        for ax, axis in zip(row, results.axes):
-            shown = draw_residual_map(ax, results, axis, column, limit)
-            ax.set_title(f"$F_{axis}$ {column}: {_error(results, axis, column)}", fontsize=9)
-        row[0].set_ylabel(f"{column}    y [mm]", fontweight="bold" if column == "after" else None)
+    for ending, same in (("", "z"), ("", "xy"), (SIGMA, ORDER)):
+        rows, drawn = [axis for axis in axes_read if axis in same], []
+        for axis, state in product(rows, states):
+            column = state + ending
+            ax = axes[axes_read.index(axis), columns.index(column)]
+            shown = draw_residual_map(ax, results, axis, column, colour_limit(results, rows, ending))
+            ax.set_title(f"$F_{axis}$ {state}: {results.size(axis, column):.2g} {UNITS[ending]}")
+            drawn.append(ax)
+        if rows:
+            bar = figure.colorbar(shown, ax=drawn, aspect=12 * len(rows))
+            bar.ax.set_title(UNITS[ending])
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y [mm]")
     for ax in axes[-1]:
         ax.set_xlabel("x [mm]")
-    figure.colorbar(shown, ax=list(axes.ravel()), label="measured − simulated [N]", shrink=0.8)
     return figure
+
+
+def colour_limit(results: MismatchResults, axes: list[str], ending: str) -> float:
+    """Return the limit that maps of some axes share: at least what the errors of one reading can do (two sigma)."""
+    sites, readings = (table[table["axis"].isin(axes)] for table in (results.site_means, results.readings))
+    noise = 1.0 if ending else float(readings.groupby("axis")["sigma_N"].median().max())
+    return signed_limit(sites[f"before{ending}"], sites[f"after{ending}"], floor=2 * noise)
 
 
 @styled
@@ -176,44 +127,30 @@ def body_map_figure(results: MismatchResults) -> Figure:
     layers = sensor.layers if sensor else []
     for ax, z in zip(axes[0], levels):
         level = patches[patches["z_mm"] == z]
-        x, y = np.sort(level["x_mm"].unique()), np.sort(level["y_mm"].unique())
-        change = level.pivot(index="y_mm", columns="x_mm", values="change").to_numpy()
-        sigma = level.pivot(index="y_mm", columns="x_mm", values="sigma").to_numpy()
-        edges = _edges(x), _edges(y)
-        shown = ax.pcolormesh(*edges, 100 * change, cmap=SIGNED, vmin=-limit, vmax=limit, ec="white", lw=0.6)
-        known = np.abs(change) > 2 * sigma
+        at, known = level[["x_mm", "y_mm"]].to_numpy(float), is_known(level).to_numpy()
+        scale = (SIGNED, -limit, limit)
+        shown = draw_squares(ax, at, spacing(at), 100 * level["change"].to_numpy(), scale, known)
         shown.set_alpha(np.where(known, 1.0, FADED))
-        for j, i in zip(*np.nonzero(known)):
-            corners_x, corners_y = edges[0][[i, i + 1, i + 1, i, i]], edges[1][[j, j, j + 1, j + 1, j]]
-            ax.plot(corners_x, corners_y, "-", color=INK, lw=1.3)
         if sensor:
             surface_axes(ax, sensor.width_x_mm, sensor.width_y_mm, labels=False)
         for where in results.verdict.where:
             _circle(ax, where)
-        ax.set_title(f"{_layer_at(layers, z)}, {abs(z):.2g} mm below the top", fontsize=9)
+        layer = next((one.name for one in layers if one.z_mm[0] <= z <= one.z_mm[1]), "body")
+        ax.set_title(f"{layer}, {abs(z):.2g} mm below the top", fontsize=9)
         ax.set_xlabel("x [mm]")
     axes[0, 0].set_ylabel("y [mm]")
-    figure.colorbar(
-        ScalarMappable(Normalize(-limit, limit), SIGNED),
-        ax=list(axes[0]),
-        label="change of the modulus [%]",
-        shrink=0.85,
-    )
+    bar = ScalarMappable(Normalize(-limit, limit), SIGNED)  # of full opacity
+    figure.colorbar(bar, ax=list(axes[0]), label="change of the modulus [%]", shrink=0.85)
     return figure
 
 
-def _layer_at(layers: list[Layer], z_mm: float) -> str:
-    return next((layer.name for layer in layers if layer.z_mm[0] <= z_mm <= layer.z_mm[1]), "body")
+def spacing(at: np.ndarray) -> tuple[float, float]:
+    """Return the distances of neighbours along both axes of a grid (n, 2); 1 along an axis with one."""
+    unique = [np.unique(values) for values in at.T]
+    first, second = (float(np.diff(values).min()) if len(values) > 1 else 1.0 for values in unique)
+    return first, second
 
 
-def _edges(centres: np.ndarray) -> np.ndarray:
-    """Return the edges (n+1,) of patches with these centres (n,)."""
-    if len(centres) == 1:
-        return centres[0] + np.array([-1.0, 1.0])
-    between = (centres[1:] + centres[:-1]) / 2
-    return np.concatenate([[2 * centres[0] - between[0]], between, [2 * centres[-1] - between[-1]]])
-
-
-def known_patches(patches: pd.DataFrame) -> int:
-    """Return how many patches of a body map are beyond two standard deviations."""
-    return int((patches["change"].abs() > 2 * patches["sigma"]).sum())
+def is_known(patches: pd.DataFrame) -> pd.Series:
+    """Return which patches of a body map are beyond two standard deviations."""
+    return patches["change"].abs() > 2 * patches["sigma"]

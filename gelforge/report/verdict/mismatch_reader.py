@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.result.verdict import Verdict, read_verdict
-from gelforge.mismatch.result.verdict_tables import read_body_map, read_flow, read_readings
+from gelforge.mismatch.result.verdict import VERDICT, Verdict, VerdictError, read_verdict
+from gelforge.mismatch.result.verdict_tables import BODY_MAP, FLOW, READINGS, REMEDY, read_table
 from gelforge.report.figures.neighbours import CURVE_SITES, nearest, one_depth_each, pooled_means
 
 AXES = ("x", "y", "z")
 LOADING = ("load", "dwell")
+SIGMA = "_sigma"  # ends the columns that are in standard deviations
+LEFT = ["before", "after", f"before{SIGMA}", f"after{SIGMA}"]
 
 
 @dataclass(frozen=True)
@@ -29,20 +31,25 @@ class MismatchResults:
 
     @cached_property
     def readings(self) -> pd.DataFrame:
-        """Readings with `before` and `after`, measured minus simulated [N]; after is nan where nothing was put in."""
-        table = read_readings(self.folder)
-        return table.assign(
-            before=table["measured_N"] - table["base_N"], after=table["measured_N"] - table["after_N"]
-        )
+        """Readings with `before` and `after`, measured minus simulated [N], and the same over the errors allowed for.
+
+        after is nan where nothing was put in.
+        """
+        table = read_table(self.folder, READINGS)
+        if table is None:
+            raise VerdictError(f"{self.folder / VERDICT}: tables has no SHA-256 of {READINGS}; {REMEDY}")
+        before, after = (table["measured_N"] - table[name] for name in ("base_N", "after_N"))
+        sigma = table["sigma_N"]
+        return table.assign(**dict(zip(LEFT, (before, after, before / sigma, after / sigma))))
 
     @cached_property
     def body_map(self) -> pd.DataFrame | None:
-        return read_body_map(self.folder)
+        return read_table(self.folder, BODY_MAP)
 
     @cached_property
     def flow(self) -> pd.DataFrame | None:
         """The flow of each site's deepest indentation with images, one row per region; None where no images were judged."""
-        table = read_flow(self.folder)
+        table = read_table(self.folder, FLOW)
         if table is None:
             return None
         deepest = table.groupby(["x_mm", "y_mm"])["depth_mm"].transform("max")
@@ -65,28 +72,30 @@ class MismatchResults:
         """Return the axis whose residual before is largest beside its noise; z where nothing was found on any."""
         if self.verdict.state == "consistent" and "z" in self.axes:
             return "z"
-        size = (self.readings["before"] / self.readings["sigma_N"]) ** 2
+        size = self.readings[f"before{SIGMA}"] ** 2
         return str(size.groupby(self.readings["axis"]).sum().idxmax())
+
+    def size(self, axis: str, column: str) -> float:
+        """Return the root mean square of a column over an axis's readings."""
+        values = self.readings.loc[self.readings["axis"] == axis, column]
+        return float(np.sqrt(np.nanmean(np.square(values))))
 
     @cached_property
     def site_means(self) -> pd.DataFrame:
-        """Return before and after, mean over the loading at each site and axis, and whether the site was held out.
+        """Return what is left before and after, mean over the loading at each site and axis, and whether it was held out.
 
-        Where sites have one depth each, before and after are means over neighbouring sites.
+        Where sites have one depth each, these are means over neighbouring sites.
         """
         table = self.readings
         loading = table["phase"].isin(LOADING)
         table = table[loading] if loading.any() else table
-        means = table.groupby(["site", "axis"], sort=False).agg(
-            x_mm=("x_mm", "mean"), y_mm=("y_mm", "mean"), before=("before", "mean"), after=("after", "mean")
-        )
+        means = table.groupby(["site", "axis"], sort=False)[["x_mm", "y_mm", *LEFT]].mean()
         aside = table["held_out"].eq("positions").groupby([table["site"], table["axis"]], sort=False).any()
         means = means.assign(held_out=aside).reset_index()
         if self.has_one_depth_each:
-            columns = ["before", "after"]
             for _, rows in means.groupby("axis"):
                 at = rows[["x_mm", "y_mm"]].to_numpy(float)
-                means.loc[rows.index, columns] = pooled_means(at, rows[columns].to_numpy(float))
+                means.loc[rows.index, LEFT] = pooled_means(at, rows[LEFT].to_numpy(float))
         return means
 
     @cached_property
@@ -118,8 +127,3 @@ class MismatchResults:
         elif len(chosen) < min(most, len(sites)):
             chosen[size.drop(list(chosen)).idxmin()] = "smallest mismatch"
         return list(chosen.items())[:most]
-
-
-def rms(values: pd.Series | np.ndarray) -> float:
-    """Return the root mean square of what is there."""
-    return float(np.sqrt(np.nanmean(np.square(np.asarray(values, float)))))

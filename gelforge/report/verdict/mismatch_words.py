@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.result.verdict import Amount, NamedEffect, Unknown, Verdict
-from gelforge.report.verdict.mismatch_maps import chance_text, pretty
+from gelforge.mismatch.result.verdict import Amount, NamedEffect, Verdict
 
 UNITS = ("_mm", "_s", "_deg")  # that end the keys of a shape
+NO_SHARE = ("exponent", "index_less_1")  # parameters without unit that are no share of anything
+SWITCH = "on"  # parameter of an effect that is there or not
 STATES = {
     "consistent": "simulation and readings agree",
     "identified": "a known cause explains the difference",
@@ -18,38 +18,64 @@ STATES = {
     "inconclusive": "these readings cannot decide",
     "unexplained": "no known cause explains the difference",
 }
-STATE_MEANS = {
-    "consistent": "Simulation and readings differ by no more than the errors that were allowed for.",
-    "identified": "A known cause, or causes with the same sensitivities, has a probability of 0.9 or more.",
-    "ambiguous": "The mismatch is real. At most eight causes hold 95 % of the probability, and none has 0.9.",
-    "inconclusive": "Plausible missing physics would not show in these readings, or too many causes are left.",
-    "unexplained": "The mismatch is real, and no known cause explains all of it.",
-}
+
+
+def pretty(name: str) -> str:
+    """Return an effect's name as people write it."""
+    return name.replace("_", " ")
+
+
+def chance_text(chance: float) -> str:
+    """Return a probability as people read it: never a bare 0 or 1."""
+    if chance < 0.01:
+        return "< 1 %" if chance < 0.005 else "1 %"
+    return "> 99 %" if chance > 0.995 else f"{100 * chance:.0f} %"
 
 
 def answer_text(verdict: Verdict) -> str:
-    """Return each group of the answer with its probability and the value of its first effect, one to a line."""
+    """Return each set of the answer with its probability, shares and the value of its first effect, one to a line."""
     effects = {effect.name: effect for effect in verdict.effects}
     lines = []
     for group in verdict.answer:
-        values = [
-            f"{pretty(group.members[0])} {_amount_text(amount)}, 90 % interval"
-            for amount in effects[group.members[0]].amounts
+        several = len(group.names) > 1
+        names = [
+            f"{pretty(name)} ({chance_text(group.shares[name])})"
+            if several and name in group.shares
+            else pretty(name)
+            for name in group.names
         ]
-        chance = chance_text(group.set_probability or group.probability)
-        lines.append("; ".join([f"{' or '.join(map(pretty, group.names))}: {chance}", *values]))
+        value = amounts_text(effects[group.members[0]])
+        said = f"{' or '.join(names)}: {chance_text(group.chance)}"
+        lines.append(f"{said}; {pretty(group.members[0])} {value}, 90 % interval" if value else said)
     return "\n".join(lines)
 
 
 def amounts_text(effect: NamedEffect) -> str:
     """Return an effect's values with unit and 90 % interval."""
-    return "; ".join(_amount_text(amount) for amount in effect.amounts)
+    return "; ".join(_amount_text(amount) for amount in effect.amounts if amount.name != SWITCH)
 
 
 def _amount_text(amount: Amount) -> str:
-    unit = "" if amount.unit in ("", "-", "1") else f" {amount.unit}"
-    low, high = amount.interval_90
-    return f"{pretty(amount.name)} {amount.value:+.2g}{unit} ({low:+.2g} to {high:+.2g})"
+    scale, unit = _scale(amount.name, amount.unit)
+    value, low, high = (two_digits(scale * x, "+") for x in (amount.value, *amount.interval_90))
+    return f"{pretty(amount.name)} {value}{unit} ({low} to {high})"
+
+
+def in_unit(value: float | None, parameter: str, unit: str) -> str:
+    """Return a parameter's value with two digits and its unit; shares in per cent."""
+    scale, unit = _scale(parameter, unit)
+    return "none" if value is None else f"{two_digits(scale * value)}{unit}"
+
+
+def _scale(parameter: str, unit: str) -> tuple[float, str]:
+    if unit not in ("", "1", "-"):
+        return 1.0, f" {unit}"
+    return (1.0, "") if parameter in NO_SHARE else (100.0, " %")
+
+
+def two_digits(value: float, sign: str = "") -> str:
+    """Return a number with two significant digits, 120 and not 1.2e+02."""
+    return f"{float(f'{value:.2g}'):{sign}g}"
 
 
 def unbroken(text: str, between: str = "; ") -> str:
@@ -60,10 +86,6 @@ def unbroken(text: str, between: str = "; ") -> str:
 def p_text(p: float) -> str:
     """Return a probability of chance, never a bare zero."""
     return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
-
-
-def number(value: float | None) -> float:
-    return np.nan if value is None else float(value)
 
 
 def span_text(span: tuple[float, float] | None) -> str | None:
@@ -80,18 +102,9 @@ def shape_text(shape: Mapping[str, float | str]) -> str:
     return "; ".join(", ".join(found[k : k + 2]) for k in range(0, len(found), 2))
 
 
-def odds_text(log_odds: float) -> str:
-    return "> 1000" if log_odds > np.log(1000) else f"{np.exp(log_odds):.2g}"
-
-
-def unknown_text(unknown: Unknown | None) -> str:
-    """Return how probable a discrepancy is, and what it would change."""
-    if unknown is None:
-        return ""
-    return (
-        f", that something is missing that no known effect explains {chance_text(unknown.probability)}"
-        f" (it would change {unknown.words})"
-    )
+def value_text(effect: NamedEffect) -> str:
+    """Return an effect's values with 90 % interval, and its place, part or time, each on a line."""
+    return unbroken("; ".join(filter(None, (amounts_text(effect), shape_text(effect.shape)))))
 
 
 def filled(rows: list[dict]) -> pd.DataFrame:
