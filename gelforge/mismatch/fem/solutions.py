@@ -2,6 +2,7 @@
 
 A solution is of one path: on the study's own mesh (`fine`), with derivatives on a coarser mesh (`follow`), there
 with a study's effects (`plain`), in time (`timed`), or one path after another on a sensor that remembers (`in_order`).
+Kept are forces in the sensor's axes; those returned are in the axes of the force sensor (`Solver.axes`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from gelforge.config import ConfigError, Study
 from gelforge.files import FileError, atomic, check_seal, digest, source_digest
 from gelforge.indentation.cells.cell_file import Cell, CellError, read_cell
 from gelforge.indentation.effects.catalogue import with_keys
+from gelforge.indentation.effects.kinematics import machine_frame
 from gelforge.indentation.effects.surfaces import top_slope
 from gelforge.indentation.paths.places import gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
@@ -82,6 +84,12 @@ class Solver:
     workers: int = 1
     zero_by: str = "press"  # what depth zero was found for, once: an indentation or the session; tilt is seen differently
     stored: Path | None = None  # folder of the derivatives of the study's own sites
+    turns_with: str = "sensor"  # what the axes of the force sensor keep to: the sensor or the stage
+
+    def axes(self, study: Study) -> np.ndarray:
+        """Return the axes (3, 3) of the force sensor as columns, in those of a study's sensor."""
+        tilted = self.turns_with == "stage"
+        return machine_frame(study.mechanics.effects) if tilted else np.eye(3)
 
     @property
     def coarse(self) -> Study:
@@ -110,7 +118,7 @@ def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
     kept = found_before(solver, name)
     if kept is None:
         kept = keep(solver, name, _way_down_of(simulate_cell(study, dict(solver.laws), planned)))
-    return kept["total"] if "total" in kept else _unsolved(planned, OWN_MESH, kept)
+    return kept["total"] @ solver.axes(study) if "total" in kept else _unsolved(planned, OWN_MESH, kept)
 
 
 def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
@@ -129,7 +137,7 @@ def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
             return None
         same = found.attributes["inputs_digest"] == inputs_digest(solver.study, dict(solver.laws), cell)
         if same and found.converged:
-            return found.arrays["total_force_N"][where]
+            return found.arrays["total_force_N"][where] @ solver.axes(solver.study)
     return None
 
 
@@ -163,12 +171,14 @@ def follow(task: tuple[Solver, PlannedCell, dict[str, Variation]]) -> dict[str, 
                 known[key] = keep(solver, names[key], solved)
     if "reason" in known["base"]:
         return _unsolved(down, COARSER_MESH, known["base"])
-    found = {}
+    force, axes = known.pop("base")["total"], solver.axes(study)
+    found = {"base": force @ axes}
     for key, arrays in known.items():
         if "reason" in arrays:
             found[f"reason {key}"] = arrays["reason"]
         else:
-            found[key] = arrays["total"]
+            varied, amount = solver.axes(asked[key].study), asked[key].amount
+            found[key] = arrays["total"] @ varied + force @ (varied - axes) / amount
     return found
 
 
@@ -273,7 +283,7 @@ def plain(task: tuple[Solver, PlannedCell]) -> np.ndarray | str:
         if not cell.converged:
             return str(cell.attributes["reason"])
         kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
-    return kept["total"]
+    return kept["total"] @ solver.axes(study)
 
 
 def timed(task: tuple[Solver, Trajectory]) -> np.ndarray | str:
@@ -289,7 +299,7 @@ def timed(task: tuple[Solver, Trajectory]) -> np.ndarray | str:
         if not cell.converged:
             return str(cell.attributes["reason"])
         kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
-    return kept["total"]
+    return kept["total"] @ solver.axes(study)
 
 
 def in_order(solver: Solver, paths: Sequence[Trajectory]) -> list[np.ndarray | str]:
@@ -307,7 +317,7 @@ def in_order(solver: Solver, paths: Sequence[Trajectory]) -> list[np.ndarray | s
                 return [str(cell.attributes["reason"])]
             found.append(cell.arrays["total_force_N"])
         kept = keep(solver, name, {f"{k:06d}": total for k, total in enumerate(found)})
-    return [kept[key] for key in sorted(kept)]
+    return [kept[key] @ solver.axes(study) for key in sorted(kept)]
 
 
 def found_before(solver: Solver, name: str) -> dict[str, np.ndarray] | None:
