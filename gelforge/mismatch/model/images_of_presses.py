@@ -67,12 +67,24 @@ def carried_derivative(
 
 
 def number_at_image(shapes: Sequence[Shape], number: int, symmetry: str, width: float) -> int:
-    """Return the number of the shape at the image, of the one of this number at the path: located ones move with it."""
-    if "x_mm" not in shapes[number] or symmetry == "identity":
+    """Return the number of the shape at the image, of the one of this number at the path.
+
+    What has a place or a side of the sensor moves with it.
+    """
+    if symmetry == "identity" or not {"x_mm", "side"} & set(shapes[number]):
         return number
-    own = np.array([[shape["x_mm"], shape["y_mm"]] for shape in shapes])
+    own = np.array([_place_of(shape, width) for shape in shapes])
     there = transform_points(inverse(symmetry), own[number], width)
-    rest = [{k: v for k, v in shape.items() if k not in ("x_mm", "y_mm")} for shape in shapes]
+    rest = [{k: v for k, v in shape.items() if k not in ("x_mm", "y_mm", "side")} for shape in shapes]
     alike = np.array([other == rest[number] for other in rest])
     away = np.where(alike, np.abs(own - there).max(axis=1), np.inf)
     return int(np.argmin(away))
+
+
+def _place_of(shape: Shape, width: float) -> tuple[float, float]:
+    """Return the place (x, y) [mm] of a shape; of a side of the sensor its middle."""
+    if "side" not in shape:
+        return float(shape["x_mm"]), float(shape["y_mm"])
+    axis, end = str(shape["side"]).split("_")
+    at = width * (end == "high")
+    return (at, width / 2) if axis == "x" else (width / 2, at)
