@@ -25,9 +25,9 @@ HARDER, SOFTER = 1, -1
 SIGNS = {
     "gel_stiffness": HARDER, "skin_stiffness": HARDER, "compressibility": SOFTER, "elastic_base": SOFTER,
     "ageing": HARDER, "temperature": HARDER, "toe_region": SOFTER, "layer_thickness": SOFTER,
-    "wall_stiffness": HARDER, "wall_gap": SOFTER, "delamination": SOFTER, "void": SOFTER, "inclusion": HARDER,
-    "indenter_radius": HARDER, "contact_zero": HARDER, "frame_compliance": SOFTER, "base_bending": SOFTER,
-    "viscoelastic": HARDER, "mullins": SOFTER, "adhesion": SOFTER,
+    "wall_stiffness": HARDER, "wall_gap": SOFTER, "wall_side": SOFTER, "delamination": SOFTER, "void": SOFTER,
+    "inclusion": HARDER, "indenter_radius": HARDER, "contact_zero": HARDER, "frame_compliance": SOFTER,
+    "base_bending": SOFTER, "viscoelastic": HARDER, "mullins": SOFTER, "adhesion": SOFTER,
 }  # fmt: skip
 
 

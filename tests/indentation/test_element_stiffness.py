@@ -128,6 +128,28 @@ def test_a_wall_gap_weakens_a_strip_of_the_gel_along_the_wall():
     assert_allclose(bulk, shear, rtol=1e-3)
 
 
+@pytest.mark.parametrize("side", ["x_low", "x_high", "y_low", "y_high"])
+def test_a_side_weakens_the_wall_or_the_gel_along_it(side):
+    """By volume: 1 mm of wall over the sensor's width, half a millimetre of gel within the wall, as high as the gel."""
+    for lost, region, volume in (("wall_loss", "wall", 16 * 3), ("bond_loss", "gel", 0.5 * 14 * 3)):
+        mesh, shear, bulk = factors(geometry={"wall_sides": [{"side": side, lost: 0.4}]})
+        assert ((1 - shear) / (0.4 * 0.999) * volumes(mesh)).sum() == pytest.approx(volume, rel=1e-9)
+        assert set(mesh.region[shear < 1]) == {mesh.regions.index(region)}
+        assert_allclose(bulk, shear, rtol=1e-3)
+        middle = mesh.X[mesh.elements[shear < 1]].mean(axis=(0, 1))["xy".index(side[0])]
+        assert (middle > 8) == side.endswith("high")
+
+
+def test_all_four_sides_of_a_bond_are_the_gap_along_the_wall():
+    """But for the strips' corners, where two sides lose a share each."""
+    sides = [{"side": side, "bond_loss": 0.4} for side in ("x_low", "x_high", "y_low", "y_high")]
+    mesh, around, _ = factors(geometry={"wall_gap": {"width_mm": 0.5, "loss": 0.4}})
+    _, four, _ = factors(geometry={"wall_sides": sides})
+    away = np.abs(mesh.X[mesh.elements][..., :2] - 8).max(axis=1)
+    corner = (away > 6.5).all(axis=1)
+    assert_allclose(four[~corner], around[~corner], rtol=1e-12)
+
+
 def test_a_gap_that_has_lost_all_resists_pressure_no_more_than_shear():
     """K over G is 1000: what is left of each is a thousandth of G."""
     _, shear, bulk = factors(geometry={"wall_gap": {"width_mm": 1.0, "loss": 1.0}})

@@ -86,6 +86,13 @@ def derivatives(x, y, d):
         "thickness_gradient.y": -0.12 * (y - c) * F - 0.3 * pressing * across,
         "wall_stiffness": 0.3 * wall * F,
         "wall_gap": -0.25 * wall / (1 + 0.3 * depth) * F,
+        **{
+            f"wall_side@{k}": (-0.2 if k < 4 else -0.1)
+            / (1 + 0.2 * (k < 4) * depth)
+            * one_wall[..., None]
+            * F
+            for k, one_wall in enumerate(2 * [((1 + s * a) / 2) ** 8 for a in (u, v) for s in (-1, 1)])
+        },
         "prestretch": -2.0 * np.maximum(depth, 0) * up,
         "indenter_radius": 0.09 * (1 - 0.05 * depth) * F,
         "particle_settling": 0.01 * (depth - 0.8) * F,

@@ -8,16 +8,17 @@ from recorded import record
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.symmetry import D4, transform_points
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem import solver as solver_module
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of
-from gelforge.mismatch.model.images_of_presses import image_of
+from gelforge.mismatch.model.images_of_presses import image_of, number_at_image
 from gelforge.mismatch.readings.sessions import observe
 
 SAME = 0.03  # of the largest: at a mirror image a one-sided difference is taken to the other side
-# one of every way to turn: not at all, as a vector, as a rotation, as a spin, as a place
-NAMES = ("gel_stiffness", "thickness_gradient", "misregistration", "tilt", "yaw", "void")
+# one of every way to turn: not at all, as a vector, as a rotation, as a spin, as a place, as a side
+NAMES = ("gel_stiffness", "thickness_gradient", "misregistration", "tilt", "yaw", "void", "wall_side")
 
 
 def as_it_is(study, paths, solve):
@@ -40,6 +41,34 @@ def test_a_study_with_a_direction_has_no_images():
     tilted = SOLVER_EFFECTS["tilt"](specimens.study(), 1.0)
     path = PlannedCell("", 3.0, 4.0, (0.3,))
     assert image_of(tilted, path) == (path, "identity")
+
+
+@pytest.mark.parametrize("symmetry", D4)
+def test_a_side_goes_with_the_sensor(symmetry):
+    """At the image it is the side that the symmetry carries to the path's own, of the same part."""
+    shapes, width = CATALOGUE["wall_side"].shapes(None), 16.0
+    out = {"x_low": (-1, 0), "x_high": (1, 0), "y_low": (0, -1), "y_high": (0, 1)}
+    for number, shape in enumerate(shapes):
+        image = shapes[number_at_image(shapes, number, symmetry, width)]
+        assert image["part"] == shape["part"]
+        assert np.array_equal(D4[symmetry] @ out[image["side"]], out[shape["side"]])
+
+
+def test_forces_beside_a_broken_wall_are_mirrored():
+    """Full solutions: the wall at the low end of y pressed beside it, and that of x at the image."""
+    study, forces = specimens.study(), []
+    for shape, place in (
+        ({"part": "wall", "side": "y_low"}, (6.0, 3.5)),
+        ({"part": "wall", "side": "x_low"}, (3.5, 6.0)),
+    ):
+        broken = CATALOGUE["wall_side"].to_study(study, shape, [0.9])
+        path = PlannedCell("", *place, (0.4,))
+        assert image_of(broken, path) == (path, "identity")
+        forces.append(simulate_cell(broken, specimens.STUDY_LAWS, path).arrays["total_force_N"][0])
+    whole = simulate_cell(study, specimens.STUDY_LAWS, path).arrays["total_force_N"][0]
+    np.testing.assert_allclose(forces[0][[1, 0, 2]], forces[1], rtol=1e-4, atol=1e-6)
+    assert forces[1][2] > 0.9 * whole[2]  # softer
+    assert whole[0] < 0 < forces[1][0]  # the wall is pushed outwards no more
 
 
 @pytest.mark.thorough

@@ -6,28 +6,30 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from gelforge.config import ForceSensor
 from gelforge.mismatch.readings.contact_point import with_contact_point
-from gelforge.mismatch.readings.noise import reading_noise
+from gelforge.mismatch.readings.noise import reading_noise, steps_of
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.outliers import without_outliers
 from gelforge.mismatch.readings.sessions import _table
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
+RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
 SIGMA = np.array([0.002, 0.003, 0.006])
 
 
-def recording(noise, resolution_N: float = 0.0005, presses: int = 400, repeatability_N=None):
+def recording(noise, step_N: float = 0.0005, presses: int = 400, repeatability_N=None, resolution_N=0.0005):
     """Return a recording whose presses have three zero rows and three dwell rows that drift in a straight line."""
     phase = np.tile(["zero"] * 3 + ["dwell"] * 3, presses)
     press = np.repeat([f"p{k}" for k in range(presses)], 6)
     time = np.tile([0.0, 0.1, 0.2, 5.0, 6.0, 9.0], presses)
     dwell = np.where(phase == "dwell", -0.4 + 0.01 * time, 0.0)[:, None]
-    force = np.rint((dwell + noise * SIGMA) / resolution_N) * resolution_N
+    force = dwell + noise * SIGMA
+    force = np.rint(force / step_N) * step_N if step_N else force
     readings = pd.DataFrame({"press": press, "phase": phase, "time_s": time, **dict(zip(FORCE, force.T))})
-    session = SimpleNamespace(
-        session="s", force=SimpleNamespace(resolution_N=[resolution_N] * 3, repeatability_N=repeatability_N)
-    )
-    return SimpleNamespace(readings=readings, session=session)
+    readings[RAW] = readings[FORCE]
+    sensor = ForceSensor(resolution_N=[resolution_N] * 3, repeatability_N=repeatability_N)
+    return SimpleNamespace(readings=readings, session=SimpleNamespace(session="s", force=sensor))
 
 
 def drawn(tails: bool, count: int = 400 * 6) -> np.ndarray:
@@ -47,7 +49,7 @@ def test_size_and_tails_are_those_of_the_repeats():
 
 
 def test_steps_wider_than_the_noise_are_an_error_of_their_own():
-    noise, rounding, _, _ = reading_noise(recording(drawn(False), resolution_N=0.02))
+    noise, rounding, _, _ = reading_noise(recording(drawn(False), step_N=0.02))
     assert rounding == pytest.approx(np.full(3, 0.02 / np.sqrt(12)))  # in all axes: half a step is 0.010
     assert (noise < 0.01).all()
 
@@ -58,6 +60,38 @@ def test_a_stated_noise_is_taken_as_it_is():
     )
     assert (noise == 0.004).all() and freedom == np.inf and tails == 1.0
     assert "6 repeated readings" in said[0]
+
+
+@pytest.mark.parametrize("repeatability_N", [None, 0.004])
+def test_the_step_is_that_of_the_file_and_not_of_the_data_sheet(repeatability_N):
+    noise, rounding, _, _ = reading_noise(recording(drawn(False), 0.001, 400, repeatability_N, 0.03))
+    assert not rounding.any() and noise == pytest.approx(np.hypot(SIGMA, 0.001 / np.sqrt(12)), rel=0.1)
+
+
+def test_a_resolution_counts_where_neither_steps_nor_repeatability_are_known():
+    """As of readings between the samples of a log, which have all digits."""
+    for repeatability_N, step in ((None, 0.03), (0.004, 0.0)):
+        noise, rounding, _, _ = reading_noise(recording(drawn(False), 0.0, 400, repeatability_N, 0.03))
+        assert rounding == pytest.approx(np.full(3, step / np.sqrt(12)))
+        assert noise == pytest.approx(np.maximum(SIGMA, 0.1 * step), rel=0.1)
+
+
+def test_steps_of_an_amplifier_are_found_beneath_the_digits_written():
+    """3 / 1024 N with five digits, as ADCs have them; five digits of anything; all digits; one number."""
+    rng = np.random.default_rng(11)
+    counts, any_number = rng.integers(-200, 200, 500), rng.normal(0, 0.3, 500)
+    columns = [np.round(counts * 3 / 1024, 5), np.round(any_number, 5), any_number, np.full(500, 0.3)]
+    found = steps_of(np.column_stack(columns))
+    assert found[0] == pytest.approx(3 / 1024, rel=1e-4)
+    assert found[1] == pytest.approx(1e-5) and np.isnan(found[2:]).all()
+
+
+def test_steps_turn_with_the_axes_of_the_force_sensor():
+    one = recording(drawn(False), step_N=0.02)
+    one.readings[RAW[0]] = np.round(np.random.default_rng(1).normal(size=2400), 4)  # its steps: 1e-4
+    one.session.force = ForceSensor(axes=[[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    rounding = reading_noise(one)[1]
+    assert rounding == pytest.approx([0.02 / np.sqrt(12), 0.02 / np.sqrt(12), 0.0])
 
 
 # ------------------------------------------------------------------------------------------------------- relaxation
@@ -79,10 +113,9 @@ def relaxing(sigma=0.005, share=0.15, tau=5.0, presses=50, glitch=0.0):
     readings = readings.assign(
         fx_N=rng.normal(0, sigma, len(readings)), fy_N=rng.normal(0, sigma, len(readings))
     )
-    session = SimpleNamespace(
-        session="s", force=SimpleNamespace(resolution_N=[0.0005] * 3, repeatability_N=None)
-    )
-    return SimpleNamespace(readings=readings, session=session)
+    readings[RAW] = readings[FORCE]
+    sensor = ForceSensor(resolution_N=[0.0005] * 3)
+    return SimpleNamespace(readings=readings, session=SimpleNamespace(session="s", force=sensor))
 
 
 def test_relaxation_is_no_noise():

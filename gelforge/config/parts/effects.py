@@ -7,7 +7,7 @@ follow the top layer, whose material they are made of, unless they are named.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -143,6 +143,20 @@ class WallGap(Section):
     loss: Share = Field(0.0, description="lost share of the strip's stiffness [-]")
 
 
+Side = Literal["x_low", "x_high", "y_low", "y_high"]
+
+
+class WallSide(Section):
+    """A wall that is broken along one side of the sensor, or the gel's bond to it that is lost there."""
+
+    side: Side = Field(description="side of the sensor: x or y, at the low or the high end")
+    wall_loss: Share = Field(0.0, description="lost share of the wall's stiffness along the side [-]")
+    bond_loss: Share = Field(
+        0.0, description="lost share of the stiffness of a strip of the lower layers beside it [-]"
+    )
+    width_mm: Positive = Field(0.5, description="width of the strip [mm]")
+
+
 class Delamination(Section):
     """A patch of a layer's upper or lower face that slides freely: a thin film there has lost its shear stiffness.
 
@@ -168,6 +182,7 @@ class GeometryEffects(Section):
     patches: list[Patch] = Field([], description="boxes of other stiffness, one after the other")
     toe: Toe = Field(Toe(), description="soft thin part on top")
     wall_gap: WallGap = Field(WallGap(), description="strip that is not bonded to the wall")
+    wall_sides: list[WallSide] = Field([], description="sides along which the wall or the bond to it is weak")
     delaminations: list[Delamination] = Field([], description="patches of a layer's face that slide freely")
     indenter_radius_change_mm: float = Field(0.0, description="ball larger than described [mm]")
     prestretch: dict[Name, Pair] = Field(
@@ -340,6 +355,7 @@ class Effects(Section):
             geometry.thickness
             or geometry.base
             or geometry.wall_gap.loss
+            or geometry.wall_sides
             or geometry.delaminations
             or geometry.prestretch
             or geometry.toe.factor != 1
@@ -348,10 +364,11 @@ class Effects(Section):
         if sensor.shape.kind != "block" and shaped:
             raise ConfigError(
                 f"effects.geometry and settling are known for shape.kind: block, found {sensor.shape.kind};"
-                " leave thickness, base, wall_gap, delaminations, prestretch, toe and settling out"
+                " leave thickness, base, wall_gap, wall_sides, delaminations, prestretch, toe and settling out"
             )
-        if geometry.wall_gap.loss and not sensor.wall_mm:
-            raise ConfigError("effects.geometry.wall_gap: the sensor has wall_mm 0; give it a wall")
+        for key, of_wall in (("wall_gap", geometry.wall_gap.loss), ("wall_sides", geometry.wall_sides)):
+            if of_wall and not sensor.wall_mm:
+                raise ConfigError(f"effects.geometry.{key}: the sensor has wall_mm 0; give it a wall")
         particles, phi = material.particles, [layer.particle_volume_fraction for layer in sensor.layers]
         if (particles.stiffening or particles.settling) and not any(phi):
             raise ConfigError(
@@ -370,5 +387,5 @@ class Effects(Section):
         directed = [*k.tilt_deg, *k.misregistration_mm, k.yaw_deg]
         directed += [g for t in geometry.thickness.values() for g in t.gradient]
         directed += [x - y for x, y in geometry.prestretch.values()]
-        placed = [*geometry.inclusions, *geometry.patches, *geometry.delaminations]
+        placed = [*geometry.inclusions, *geometry.patches, *geometry.delaminations, *geometry.wall_sides]
         return not (any(directed) or placed or self.history.softens)

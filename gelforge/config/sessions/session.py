@@ -33,6 +33,11 @@ class ForceSensor(Section):
         [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
         description="3x3 rotation from the recorded axes to the sensor frame [-]",
     )
+    turns_with: Literal["sensor", "stage"] = Field(
+        "sensor",
+        description="what its axes keep to where sensor and stage are at an angle (tilt): the sensor under which it lies,"
+        " or the stage",
+    )
     tared: bool = Field(
         False, description="zero already subtracted; if false each indentation's zero rows are used"
     )
@@ -63,6 +68,12 @@ class ForceSensor(Section):
             if getattr(self, name) is not None and len(getattr(self, name)) != 3:
                 raise ValueError(f"{name} needs three numbers (x, y, z)")
         return self
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; a later one only where it is given, so that digests of older sessions stay."""
+        keys = write(self)
+        return keys if self.turns_with != "sensor" else {k: v for k, v in keys.items() if k != "turns_with"}
 
 
 class StageToSensor(Section):

@@ -145,6 +145,12 @@ def _delamination(study, amount, place):
     return with_keys(study, geometry={"delaminations": [here | layer]})
 
 
+def with_wall_side(study: Study, side: str, **losses: float) -> Study:
+    """Return the study with losses of the wall, or of the bond to it, along one side beside those that it has."""
+    others = [one.model_dump() for one in study.mechanics.effects.geometry.wall_sides]
+    return with_keys(study, geometry={"wall_sides": [*others, {"side": side, **losses}]})
+
+
 def _thickness(study, layer, **keys):
     return with_keys(study, geometry={"thickness": {layer: keys}})
 
@@ -260,6 +266,10 @@ CATALOGUE: dict[str, Effect] = {
         Effect(
             "wall_gap", "geometry", "lost share of the bond along the wall", "1", 1.0, "geometry.wall_gap",
             lambda study, amount, place: with_keys(study, geometry={"wall_gap": {"loss": amount}}),
+        ),
+        Effect(
+            "wall_side", "geometry", "lost share of the stiffness of the wall along x = 0", "1", 1.0, "geometry.wall_sides",
+            lambda study, amount, place: with_wall_side(study, "x_low", wall_loss=amount),
         ),
         Effect(
             "delamination", "geometry", "lost share of the shear stiffness of a film under the skin", "1", 1.0,

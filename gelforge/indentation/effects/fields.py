@@ -10,7 +10,7 @@ import numba as nb
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Mechanics, Sensor
-from gelforge.config.parts.effects import Circumstances, Delamination, Inclusion, Patch
+from gelforge.config.parts.effects import Circumstances, Delamination, Inclusion, Patch, WallSide
 from gelforge.indentation.effects.material import by_region, region_bulk
 from gelforge.mechanics.meshes.elements import ELEMENTS
 from gelforge.mechanics.meshes.mesh import Mesh
@@ -41,8 +41,9 @@ def element_stiffness(
         factor *= 1 + _box_share(mesh, sensor, patch) * (patch.factor - 1)
     shear, bulk = factor, factor
     ratio = np.array(list(region_bulk(sensor, mechanics, mesh.regions).values()))[mesh.region]
-    if geometry.wall_gap.loss:  # a gap closes without resistance: of K no more is left than of G
-        lost = geometry.wall_gap.loss * _wall_strip(mesh, sensor, effects)
+    gaps = [geometry.wall_gap.loss * _wall_strip(mesh, sensor, effects)] if geometry.wall_gap.loss else []
+    for lost in gaps + [_lost_beside(mesh, sensor, one) for one in geometry.wall_sides]:
+        # a gap closes without resistance: of K no more is left than of G
         shear, bulk = shear * (1 - lost * (1 - LEAST)), bulk * (1 - lost * (1 - LEAST / ratio))
     for inclusion in geometry.inclusions:
         share = _ball_share(mesh, inclusion)
@@ -150,6 +151,18 @@ def _wall_strip(mesh: Mesh, sensor: Sensor, effects: Effects) -> np.ndarray:
         mesh, 1, edge, sensor.width_y_mm - edge
     )
     return (1 - inner) * (mesh.region < len(sensor.layers) - 1)
+
+
+def _lost_beside(mesh: Mesh, sensor: Sensor, weak: WallSide) -> np.ndarray:
+    """Return the lost share (E,) of the wall's elements along one side, and of the lower layers' within the strip there."""
+    axis, end = "xy".index(weak.side[0]), weak.side[2:]
+    width = (sensor.width_x_mm, sensor.width_y_mm)[axis]
+    edges = np.array([0.0, sensor.wall_mm, sensor.wall_mm + weak.width_mm])
+    outer, inner, beyond = edges if end == "low" else width - edges
+    wall, strip = (_overlap(mesh, axis, *sorted(pair)) for pair in ((outer, inner), (inner, beyond)))
+    in_wall = mesh.region == mesh.regions.index("wall")
+    below_skin = mesh.region < len(sensor.layers) - 1
+    return weak.wall_loss * wall * in_wall + weak.bond_loss * strip * below_skin
 
 
 def _ball_share(mesh: Mesh, inclusion: Inclusion) -> np.ndarray:

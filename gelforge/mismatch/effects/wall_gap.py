@@ -13,7 +13,7 @@ EFFECT = Effect(
         ),
     ),
     signature="softer near the wall only, from small depths on",
-    confused_with=("wall_stiffness", "delamination", "grid_scale"),
+    confused_with=("wall_stiffness", "wall_side", "delamination", "grid_scale"),
     separated_by="indentations at several distances from the wall; a look from the side under an oblique light",
     applies=lambda study: study.sensor.wall_mm > 0 and study.sensor.shape.kind == "block",
     **solver("wall_gap", has("geometry.wall_gap.loss"), limit=(0.0, 1.0)),

@@ -3,6 +3,7 @@
 A solution is of one place: a loading on the study's own mesh (`fine`); on a coarser mesh a loading with derivatives and
 unloading from its depths (`follow`), a path in time (`timed`), or one path after another on a sensor that remembers
 (`in_order`).
+Kept are forces in the sensor's axes; those returned are in the axes of the force sensor (`Solver.axes`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from gelforge.config import ConfigError, Study
 from gelforge.files import FileError, atomic, check_seal, digest, source_digest
 from gelforge.indentation.cells.cell_file import Cell, CellError, read_cell
 from gelforge.indentation.effects.catalogue import with_keys
+from gelforge.indentation.effects.kinematics import machine_frame
 from gelforge.indentation.effects.surfaces import top_slope
 from gelforge.indentation.paths.places import gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
@@ -91,6 +93,12 @@ class Solver:
     workers: int = 1
     zero_by: str = "press"  # what depth zero was found for, once: an indentation or the session; tilt is seen differently
     stored: Path | None = None  # folder of the derivatives of the study's own sites
+    turns_with: str = "sensor"  # what the axes of the force sensor keep to: the sensor or the stage
+
+    def axes(self, study: Study) -> np.ndarray:
+        """Return the axes (3, 3) of the force sensor as columns, in those of a study's sensor."""
+        tilted = self.turns_with == "stage"
+        return machine_frame(study.mechanics.effects) if tilted else np.eye(3)
 
     @cached_property
     def planned(self) -> list[PlannedCell]:
@@ -135,7 +143,7 @@ def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
     kept = found_before(solver, name)
     if kept is None:
         kept = keep(solver, name, _way_down_of(simulate_cell(study, dict(solver.laws), planned)))
-    return kept["total"] if "total" in kept else _unsolved(planned, OWN_MESH, kept)
+    return kept["total"] @ solver.axes(study) if "total" in kept else _unsolved(planned, OWN_MESH, kept)
 
 
 def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
@@ -152,7 +160,7 @@ def own_cell(solver: Solver, planned: PlannedCell) -> np.ndarray | None:
             return None
         same = found.attributes["inputs_digest"] == inputs_digest(solver.study, dict(solver.laws), cell)
         if same and found.converged:
-            return found.arrays["total_force_N"][where]
+            return found.arrays["total_force_N"][where] @ solver.axes(solver.study)
     return None
 
 
@@ -183,8 +191,15 @@ def follow(task: tuple) -> dict[str, np.ndarray] | Unsolved:
         if "reason" in (there := known[unloading_key(run)]):
             x, y, peak = down.x_mm, down.y_mm, max(run.depths_mm)
             return Unsolved(x, y, COARSER_MESH, str(there["reason"]), way_up_from_mm=peak)
-    missed = {f"reason {key}": one["reason"] for key, one in known.items() if "reason" in one}
-    return missed | {key: one["total"] for key, one in known.items() if "reason" not in one}
+    force, axes = known["base"]["total"], solver.axes(study)
+    found = {f"reason {key}": one["reason"] for key, one in known.items() if "reason" in one}
+    for key, one in known.items():
+        if key in asked and "total" in one:
+            varied = solver.axes(asked[key].study)
+            found[key] = one["total"] @ varied + force @ (varied - axes) / asked[key].amount
+        elif "total" in one:
+            found[key] = one["total"] @ axes
+    return found
 
 
 def _followed(
@@ -311,7 +326,7 @@ def timed(task: tuple[Solver, Trajectory]) -> np.ndarray | str:
         if not cell.converged:
             return str(cell.attributes["reason"])
         kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
-    return kept["total"]
+    return kept["total"] @ solver.axes(study)
 
 
 def in_order(solver: Solver, paths: Sequence[Trajectory]) -> list[np.ndarray | str]:
@@ -329,7 +344,7 @@ def in_order(solver: Solver, paths: Sequence[Trajectory]) -> list[np.ndarray | s
                 return [str(cell.attributes["reason"])]
             found.append(cell.arrays["total_force_N"])
         kept = keep(solver, name, {f"{k:06d}": total for k, total in enumerate(found)})
-    return [kept[key] for key in sorted(kept)]
+    return [kept[key] @ solver.axes(study) for key in sorted(kept)]
 
 
 def found_before(solver: Solver, name: str) -> dict[str, np.ndarray] | None:

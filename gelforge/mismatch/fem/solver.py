@@ -21,7 +21,7 @@ from gelforge.indentation.solving.error_bars import COARSER
 from gelforge.indentation.solving.sensitivities import Variation, unmirrored
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.places import FirstOrderAt
-from gelforge.mismatch.fem.base_bars import PART, base_bars
+from gelforge.mismatch.fem.base_bars import PART, SIDEWAYS, base_bars
 from gelforge.mismatch.fem.solutions import (
     Solver,
     SolverFailed,
@@ -112,7 +112,9 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     context = Context(remembering.study, observations, force, curves, along, at_readings)
     stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
     companion = _companion_curves(solver, ways, curves.values) or on_coarse.values
-    bars = Curves(depths, tuple(base_bars(own, other) for own, other in zip(curves.values, companion)))
+    sideways = SIDEWAYS if solver.study.mismatch.discretisation is None else 0.0  # that is known of all axes
+    by_site = zip(curves.values, companion)
+    bars = Curves(depths, tuple(base_bars(own, other, sideways) for own, other in by_site))
     alike = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
     return Base(context, runs, coarse, loading, finer, stacked, blank.on_readings(bars), alike, failed)
 

@@ -80,6 +80,7 @@ PHRASES: dict[str, tuple[str, ...]] = {
     "viscoelastic": ("a soft layer relaxes while it is pressed",),
     "void": ("there is a void in the gel",),
     "wall_gap": ("the gel has come off its wall",),
+    "wall_side": ("the wall is broken, or the gel has come off it, on one side",),
     "wall_stiffness": (
         "the wall differs in stiffness",
         "the wall is {share} stiffer than simulated",

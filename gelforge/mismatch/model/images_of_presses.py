@@ -67,16 +67,25 @@ def carried_derivative(
 
 
 def numbers_at_image(shapes: Sequence[Shape], symmetry: str, width: float) -> list[int]:
-    """Return for each shape at the path its number at the image: located ones move with it."""
+    """Return for each shape at the path its number at the image: what has a place, or a side of the sensor, moves."""
     if symmetry == "identity":
         return [*range(len(shapes))]
-    rest = [{k: v for k, v in shape.items() if k not in ("x_mm", "y_mm")} for shape in shapes]
-    own = np.array([[shape.get("x_mm", np.nan), shape.get("y_mm", np.nan)] for shape in shapes], float)
+    rest = [{k: v for k, v in shape.items() if k not in ("x_mm", "y_mm", "side")} for shape in shapes]
+    own = np.array([_place_of(shape, width) for shape in shapes])
     there = transform_points(inverse(symmetry), own, width)
     found = []
     for number, (shape, place) in enumerate(zip(rest, there)):
-        if "x_mm" in shapes[number]:
+        if np.isfinite(place).all():
             alike = np.array([other == shape for other in rest])
             number = int(np.argmin(np.where(alike, np.abs(own - place).max(axis=1), np.inf)))
         found.append(number)
     return found
+
+
+def _place_of(shape: Shape, width: float) -> tuple[float, float]:
+    """Return the place (x, y) [mm] of a shape, of a side of the sensor its middle; nan without."""
+    if "side" not in shape:
+        return float(shape.get("x_mm", np.nan)), float(shape.get("y_mm", np.nan))
+    axis, end = str(shape["side"]).split("_")
+    at = width * (end == "high")
+    return (at, width / 2) if axis == "x" else (width / 2, at)

@@ -99,6 +99,9 @@ def solver_of(
     study = study.model_copy(update={"variants": {}})  # an effect need not go together with them
     cells = study.results_folder / "cells"
     zeroed = {session.depth_zero.by for session in sessions}
+    turning = {session.force.turns_with for session in sessions} or {"sensor"}
+    if len(turning) > 1:
+        raise ConfigError("sessions differ in force.turns_with (sensor, stage): judge them one by one")
     stored = study.results_folder / "sensitivities"
     return Solver(
         study,
@@ -109,6 +112,7 @@ def solver_of(
         workers,
         zeroed.pop() if len(zeroed) == 1 else "press",
         stored if stored.is_dir() else None,
+        turning.pop(),
     )
 
 

@@ -7,8 +7,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pandas as pd
 
-from gelforge.recording.readings import AXES, FORCE, Recording
+from gelforge.recording.readings import AXES, FORCE, RAW, Recording
 
+FINEST = (
+    1e-9  # N, digits that are looked at: those beyond are of a computation, as interpolated readings have
+)
+FEWEST_STEPS = 5  # between recorded numbers, that show an amplifier's step
 BENT = 2.0  # times the scatter of zero readings: more than that of dwells about a line is relaxation
 LEAST_SCATTER = 0.1  # of the step, where all repeats were rounded to one number
 LEAST_FREEDOM = 10  # repeats that a noise estimate needs
@@ -29,10 +33,16 @@ def reading_noise(
     and the same error in all repeats: step / sqrt(12), in the zero and at each depth; where they scatter more, it is part
     of the scatter. How well: the repeats' degrees of freedom (inf where the deviation is stated), and the variance of
     their squares over that of normal ones. zeros: repeats of all indentations together, where single indentations have too
-    few (zeros_together).
+    few (zeros_together). The step is that of the recorded numbers; where they show none it is the stated resolution, or
+    nothing beside a stated repeatability, which holds it.
     """
     readings, session = recording.readings, recording.session
-    step = np.array(session.force.resolution_N, dtype=float)
+    resolution, axes = (np.array(v, dtype=float) for v in (session.force.resolution_N, session.force.axes))
+    stated = np.broadcast_to(session.force.repeatability_N or 0.0, 3)
+    recorded = np.where(axes == 0, 0.0, axes * steps_of(readings[RAW].to_numpy()))
+    step = np.hypot.reduce(recorded, axis=1)  # along the sensor's axes
+    held = (stated > 0) & (np.ptp(readings[FORCE].to_numpy(), axis=0) > 0)
+    step = np.where(np.isnan(step), np.where(held, 0.0, resolution), step)
     zero, dwell = repeats_of(readings, "zero", 1), repeats_of(readings, "dwell", 2)
     zero, said = (zero, []) if zeros is None else (zeros, [TOGETHER.format(session=session.session)])
     if min(zero.freedom, dwell.freedom) >= LEAST_FREEDOM:
@@ -49,8 +59,8 @@ def reading_noise(
         scatter = found.scatter
         rounding = np.where(scatter < step / 2, step / np.sqrt(12), 0.0)
         tails = _tails(found.fourths, found.expected, scatter, rounding == 0)
-        return np.maximum(scatter, LEAST_SCATTER * step), rounding, (float(found.freedom), tails), said
-    stated = np.broadcast_to(session.force.repeatability_N or 0.0, 3)
+        least = LEAST_SCATTER * np.maximum(step, stated)
+        return np.maximum(scatter, least), rounding, (float(found.freedom), tails), said
     reported = (
         f"{session.session}: {found.freedom:.3g} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
         + (
@@ -59,7 +69,28 @@ def reading_noise(
             else "the stated resolution is taken as its standard deviation"
         )
     )
-    return np.where(stated > 0, stated, step), np.zeros(3), (np.inf, 1.0), [reported]
+    return np.where(stated > 0, stated, resolution), np.zeros(3), (np.inf, 1.0), [reported]
+
+
+def steps_of(raw: np.ndarray) -> np.ndarray:
+    """Return by axis (3,) [N] the step of recorded numbers (N, 3); nan where they have more digits than FINEST.
+
+    It is their greatest common divisor, the last digit written, or the step of an amplifier of which all are multiples
+    within that digit.
+    """
+    steps = np.full(raw.shape[1], np.nan)
+    for axis, own in enumerate(raw.T):
+        apart = np.diff(np.unique(np.rint(own[np.isfinite(own)] / FINEST).astype(np.int64)))
+        digit = int(np.gcd.reduce(apart, initial=0))
+        if digit <= 1:
+            continue
+        near = apart[apart < 1.5 * apart.min()].mean()
+        counts = np.cumsum(np.rint(apart / near))
+        at = np.cumsum(apart)
+        step = at[-1] / counts[-1]
+        same = len(apart) >= FEWEST_STEPS and np.abs(at - step * counts).max() <= digit
+        steps[axis] = FINEST * (step if same else digit)
+    return steps
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,8 +79,7 @@ def write_tables(folder: str | Path, tables: Mapping[str, pd.DataFrame | None]) 
     Raises VerdictError, before anything is written, for a table without a column that it needs.
     """
     for name, table in tables.items():
-        missing = [] if table is None else [c for c in _needed(COLUMNS[name]) if c not in table]
-        if missing:
+        if table is not None and (missing := [c for c in _needed(COLUMNS[name]) if c not in table]):
             raise VerdictError(f"{Path(folder) / name}: columns {missing} are missing; found {list(table)}")
     found = {}
     for name, table in tables.items():

@@ -1,0 +1,45 @@
+"""Error bars of nominal forces: wide enough for another code's forces, and no wider than a study states."""
+
+import numpy as np
+import pytest
+
+from gelforge.mismatch.fem.base_bars import SIDEWAYS, base_bars
+
+# Fx and Fz [N] of the small sensor of validation/, from 0.8 mm on, 6 mm beside its middle and 6 mm along each axis:
+# on elements of 0.3 mm and of 0.6 mm, and FElupe's (validation.checks.between_codes --bases concealed --sizes 0.3 0.6)
+OWN = np.array(
+    [
+        [[0.00201, -0.21023], [0.0091, -0.4516], [0.0274, -0.82079]],
+        [[0.00211, -0.22708], [0.00886, -0.49004], [0.02473, -0.8882]],
+    ]
+)
+COARSE = np.array(
+    [
+        [[0.00185, -0.21077], [0.00798, -0.45424], [0.02794, -0.83304]],
+        [[0.00172, -0.22744], [0.00841, -0.49415], [0.02476, -0.90054]],
+    ]
+)
+FELUPE = np.array(
+    [
+        [[0.00182, -0.20919], [0.00826, -0.44761], [0.02606, -0.81126]],
+        [[0.00207, -0.22519], [0.00853, -0.48366], [0.02389, -0.87396]],
+    ]
+)
+
+
+def along_x_and_z(forces):
+    """Return forces (D, 3) [N] of those along x and z (D, 2)."""
+    return np.insert(forces, 1, 0.0, axis=1)
+
+
+@pytest.mark.parametrize("place", range(2))
+def test_forces_of_another_code_lie_within_two_bars(place):
+    own, coarse, other = (along_x_and_z(forces[place]) for forces in (OWN, COARSE, FELUPE))
+    bars = base_bars(own, coarse)
+    assert (np.abs(other - own)[:, 0] < 2 * bars[:, 0]).all()
+
+
+def test_a_sideways_force_errs_by_a_share_of_itself_on_the_finest_mesh_too():
+    own = np.array([[0.03, -0.01, -0.5], [0.06, -0.02, -1.0]])
+    assert base_bars(own, own) == pytest.approx(SIDEWAYS * np.abs(own) * [1, 1, 0])
+    assert not base_bars(own, own, sideways=0.0).any()
