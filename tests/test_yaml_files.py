@@ -182,7 +182,11 @@ def test_changes_of_a_study_are_checked_as_a_file_is():
     whole = plain.model_dump(mode="json")
     whole["mechanics"]["friction"] = 0.2
     assert changed_study(plain, {"mechanics": {"friction": 0.2}}) == study_from(whole)
-    for wrong, why in ((True, "true or false"), (1e13, "nothing is larger|less than"), (-1.0, "greater than")):
+    for wrong, why in (
+        (True, "true or false"),
+        (1e13, "nothing is larger|less than"),
+        (-1.0, "greater than"),
+    ):
         with pytest.raises(ConfigError, match=why):
             changed_study(plain, {"mechanics": {"friction": wrong}})
     with pytest.raises(ConfigError, match="nothing is larger"):

@@ -161,9 +161,12 @@ def test_noise_is_stated_by_axis():
     from gelforge.recording.readings import FORCE
 
     recording = SimpleNamespace(
-        readings=pressed("press", [0.0]).table.assign(time_s=0.0, phase="load", **dict.fromkeys(FORCE, 0.0)),
+        readings=pressed("press", [0.0]).table.assign(
+            time_s=0.0, phase="load", **dict.fromkeys([*FORCE, "fx_raw_N", "fy_raw_N", "fz_raw_N"], 0.0)
+        ),
         session=SimpleNamespace(
-            session="s", force=SimpleNamespace(resolution_N=[0.1] * 3, repeatability_N=[0.01, 0.0, 0.03])
+            session="s",
+            force=SimpleNamespace(resolution_N=[0.1] * 3, repeatability_N=[0.01, 0.0, 0.03], axes=np.eye(3)),
         ),
     )
     noise, _, _, said = reading_noise(recording)

@@ -11,7 +11,7 @@ from gelforge.config import Session
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.fem.solutions import Solver, follow, plain
+from gelforge.mismatch.fem.solutions import Solver, follow
 from gelforge.mismatch.fem.solver import asked_of, felt_by
 from gelforge.mismatch.model.context import Context
 
@@ -92,7 +92,7 @@ def test_a_study_that_is_tilted_is_read_in_the_stage_s_axes(tmp_path):
     for turns_with, turn in (("sensor", np.eye(3)), ("stage", to_stage(about))):
         own = solver(tmp_path / turns_with, 0.45, turns_with)
         tilted = CATALOGUE["tilt"].to_study(own.study, {}, about)
-        found = plain((Solver(tilted, own.laws, {}, own.kept, turns_with=turns_with), PRESSED))
+        found = follow((Solver(tilted, own.laws, {}, own.kept, turns_with=turns_with), PRESSED, {}))["base"]
         assert_allclose(found[0], turn @ solved(0.45, "tilt", *about), rtol=1e-12, atol=1e-12)
 
 

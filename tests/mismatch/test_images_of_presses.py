@@ -13,7 +13,7 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem import solver as solver_module
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of
-from gelforge.mismatch.model.images_of_presses import image_of, number_at_image
+from gelforge.mismatch.model.images_of_presses import image_of, numbers_at_image
 from gelforge.mismatch.readings.sessions import observe
 
 SAME = 0.03  # of the largest: at a mirror image a one-sided difference is taken to the other side
@@ -48,8 +48,8 @@ def test_a_side_goes_with_the_sensor(symmetry):
     """At the image it is the side that the symmetry carries to the path's own, of the same part."""
     shapes, width = CATALOGUE["wall_side"].shapes(None), 16.0
     out = {"x_low": (-1, 0), "x_high": (1, 0), "y_low": (0, -1), "y_high": (0, 1)}
-    for number, shape in enumerate(shapes):
-        image = shapes[number_at_image(shapes, number, symmetry, width)]
+    for shape, number in zip(shapes, numbers_at_image(shapes, symmetry, width)):
+        image = shapes[number]
         assert image["part"] == shape["part"]
         assert np.array_equal(D4[symmetry] @ out[image["side"]], out[shape["side"]])
 

@@ -174,7 +174,9 @@ def test_a_body_softer_to_one_side_is_said_with_its_map(modulus, tmp_path):
     assert np.mean(np.abs(table["mean"] - change) < 2 * table["sigma"]) > 0.9
     write_tables(tmp_path, {MODULE: table})
     assert len(read_csv(tmp_path / MODULE, numbers=["mean", "sigma"])) == len(table)
-    assert (tmp_path / MODULE).read_text().splitlines()[0].split(",") == list(table)  # whatever the map is a function of
+    assert (tmp_path / MODULE).read_text().splitlines()[0].split(",") == list(
+        table
+    )  # whatever the map is a function of
     write_tables(tmp_path, {MODULE: None})
     assert not (tmp_path / MODULE).exists()
 
