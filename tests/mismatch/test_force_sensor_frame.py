@@ -1,10 +1,13 @@
 """A force sensor under the tilted sensor or on the stage: forces and their derivatives against full solutions, turned."""
 
+from dataclasses import replace
 from functools import cache
 
+import artificial
 import numpy as np
 import pytest
 import specimens
+from artificial_problem import judged
 from numpy.testing import assert_allclose
 
 from gelforge.config import Session
@@ -101,3 +104,31 @@ def test_a_session_says_it_and_older_ones_are_written_as_before():
     assert plain.force.turns_with == "sensor" and "turns_with" not in plain.model_dump()["force"]
     stage = Session(session="s", force={"turns_with": "stage"})
     assert stage.model_dump()["force"]["turns_with"] == "stage"
+
+
+def tilted_readings(by_stage):
+    """Return a context that holds a tilt of 0.9 deg read by the stage's axes, and derivatives by these or the sensor's.
+
+    ARTIFICIAL: where all sticks the sensor's base feels 0.9 of the pressing force times the angle, by its own axes; depth
+    counts from one touch of the session, so that one side is pressed deeper.
+    """
+    base = artificial.context(5, per_side=3, zero_by="session")
+    table, F, slope = base.observations.table, base.force, base.slope()
+    deeper = np.radians(table[["x_mm", "y_mm"]].to_numpy() - artificial.WIDTH / 2)
+    in_sensor, in_stage = {}, {}
+    for k, (name, axis, sign) in enumerate((("x", 1, 1.0), ("y", 0, -1.0))):
+        own = sign * deeper[:, [axis]] * slope
+        own[:, axis] += sign * np.radians(0.9) * F[:, 2]
+        in_sensor[f"tilt.about_{name}"] = own
+        in_stage[f"tilt.about_{name}"] = own + np.cross(np.radians(np.eye(3)[k]), F)
+    held = replace(base, at_readings=dict(base.at_readings) | in_stage)
+    read = artificial.with_effect(held, "tilt", [0.9, -0.5], np.random.default_rng(6))
+    known = in_stage if by_stage else in_sensor
+    return replace(read, at_readings=dict(base.at_readings) | known)
+
+
+def test_a_frame_that_is_not_said_is_taken_for_a_cross_talk():
+    """A recorded force that keeps to the stage's axes, beside derivatives by the sensor's."""
+    for by_stage, names in ((True, {"tilt"}), (False, {"tilt", "cross_talk"})):
+        _, found = judged(tilted_readings(by_stage))
+        assert {group.members[0] for group in found.answer.sure} == names

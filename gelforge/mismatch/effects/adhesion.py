@@ -28,21 +28,21 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
     """Return the forces with adhesion: during unloading, while there is contact, the sensor is pulled up (R, 3) [N]."""
     (w,) = amounts
     table = context.observations.table
-    up = (table["phase"] == "unload") & (table["depth_mm"] > 0)
+    up = ((table["phase"] == "unload") & (table["depth_mm"] > 0)).to_numpy()
     if not w or not up.any():
         return force
-    law = str(shape.get("law", "constant"))
-    pull = constant_pull(context, float(w)) if law == "constant" else jkr_pull(context, float(w))
-    return force + np.outer(np.where(up, pull, 0.0), [0.0, 0.0, 1.0])
+    pulls = {"constant": constant_pull, "JKR": jkr_pull}[str(shape.get("law", "constant"))]
+    return force + np.outer(up * pulls(context, float(w)), [0.0, 0.0, 1.0])
 
 
-def constant_pull(context: Context, w: float) -> float:
-    """Return w dA/dd [N]: to first order in the work w, at a held depth d, the energy of the surfaces that stick.
+def constant_pull(context: Context, w: float) -> np.ndarray:
+    """Return w dA/dd (R,) [N]: to first order in the work w, at a held depth d, the energy of the surfaces that stick.
 
     The contact area A grows by pi R d on a half space and by 2 pi R d on a layer that is thin beside it; between them 1.5
     is taken.
     """
-    return w * sum(GROWTH * np.pi * part.radius_mm for part in context.study.indenter.shapes)
+    growth = sum(GROWTH * np.pi * part.radius_mm for part in context.study.indenter.shapes)
+    return np.full(len(context.observations.table), w * growth)
 
 
 def jkr_pull(context: Context, w: float) -> np.ndarray:
