@@ -40,7 +40,7 @@ speed: $(READY)
 	$(BIN)/python benchmarks/speed.py $(if $(BEFORE),--before $(BEFORE))
 	$(BIN)/python benchmarks/where_time_goes.py
 	$(BIN)/python benchmarks/against_peers.py --size 0.45 --limit 600
-	$(BIN)/python benchmarks/cost_plot.py --out results/speed/cost.png
+	$(BIN)/python benchmarks/cost_plot.py
 
 # The gallery of the site: each notebook is executed and its page written; some ten minutes.
 notebooks: $(READY)

@@ -4,7 +4,7 @@ Left: CPU seconds and peak memory of one site (8 depths, error bars included, ne
 Right: CPU seconds of a plan of random sites with 8 depths each, Snakemake's own among them, over the number of presses.
 The sensors are the article's and a block like a GelSight Mini's gel with friction 0.8 (benchmarks/sensors.py).
 
-usage: python benchmarks/cost_plot.py [--near 0.6 0.45 0.3 0.2] [--sites 1 2 4 8] [--out docs/figures/cost.png]
+usage: python benchmarks/cost_plot.py [--near 0.6 0.45 0.3 0.2] [--sites 1 2 4 8] [--out results/speed/cost.png]
        (plans are solved site by site: `plan.interpolation: none`)
 """
 
@@ -103,7 +103,7 @@ def main() -> None:
     )
     parser.add_argument("--near", type=float, nargs="+", default=[0.6, 0.45, 0.3, 0.2])
     parser.add_argument("--sites", type=int, nargs="+", default=[1, 2, 4, 8])
-    parser.add_argument("--out", type=Path, default=Path("docs/figures/cost.png"))
+    parser.add_argument("--out", type=Path, default=Path("results/speed/cost.png"))
     options = parser.parse_args()
     show()
     with TemporaryDirectory(prefix="gelforge-cost-") as temporary:

@@ -1,9 +1,10 @@
 """How far labels are from a finer mesh, and whether their error bars say so: three sensors, two indenters, drawn places.
 
-usage: python benchmarks/error_bars.py [--places 20] [--seed 7102] [--cases NAME ...] [--solve | --calibration]
+usage: python benchmarks/error_bars.py [--places 20] [--seed 7102] [--corner] [--cases NAME ...] [--solve | --calibration]
 
 The reference is a mesh of half the sizes (near, far and walls) with the same steps of the indenter. Places are drawn by the
 seed; those of --calibration are the ones on which the parts in gelforge/indentation/solving/error_bars.py were found.
+--corner: one place more, 5 mm from two sides, where the walls stiffen the gel most.
 Solutions are kept in results/error_bars and are read again: remove them after a change of the solver. --solve: solve what is
 missing and print nothing. A place takes one to two CPU minutes on one thread, most of it the reference.
 
@@ -85,10 +86,11 @@ CASES = {
 }
 
 
-def places(study: Study, count: int, seed: int) -> np.ndarray:
-    """Return places (count, 2) [mm], drawn evenly over the sensor but for its margin."""
+def places(study: Study, count: int, seed: int, corner: bool = False) -> np.ndarray:
+    """Return places (count, 2) [mm], drawn evenly over the sensor but for its margin, and the margin's corner if asked."""
     size = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm])
-    return np.round(MARGIN + np.random.default_rng(seed).random((count, 2)) * (size - 2 * MARGIN), 2)
+    drawn = np.round(MARGIN + np.random.default_rng(seed).random((count, 2)) * (size - 2 * MARGIN), 2)
+    return np.vstack([drawn, [[MARGIN, MARGIN]]]) if corner else drawn
 
 
 def solved(name: str, case: Case, x: float, y: float) -> dict[str, np.ndarray] | None:
@@ -197,15 +199,18 @@ def main() -> None:
     )
     parser.add_argument("--places", type=int, default=20, help="of each case")
     parser.add_argument("--seed", type=int, default=7102)
+    parser.add_argument("--corner", action="store_true", help="a place in a corner too")
     parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES), metavar="NAME")
     parser.add_argument("--calibration", action="store_true", help="the places on which the parts were found")
     parser.add_argument("--solve", action="store_true", help="solve what is missing, print no table")
     options = parser.parse_args()
     seed = CALIBRATION_SEED if options.calibration else options.seed
-    chosen = {name: places(CASES[name].described(), options.places, seed) for name in options.cases}
+    chosen = {
+        name: places(CASES[name].described(), options.places, seed, options.corner) for name in options.cases
+    }
     show()
     with Progress("places", sum(map(len, chosen.values()))) as progress:
-        for k in range(options.places):
+        for k in range(options.places + options.corner):
             for name in options.cases:
                 solved(name, CASES[name], *map(float, chosen[name][k]))
                 progress.advance(note=name)

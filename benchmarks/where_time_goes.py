@@ -28,8 +28,8 @@ from gelforge.laws_of_study import laws_of  # noqa: E402
 DEPTHS = tuple(0.25 * (k + 1) for k in range(8))
 # stage: (file, function, caller or None for all); none of them calls another one
 STAGES = {
-    "mesh and checks of the path": [("simulate.py", "meshes_of", None), ("simulate.py", "_path", None)],
-    "body: gradients, pattern": [("simulate.py", "_body", None)],
+    "mesh and checks of the path": [("model.py", "meshes_of", None), ("model.py", "_path", None)],
+    "body: gradients, pattern": [("model.py", "_body", None)],
     "order of elimination (symbolic)": [("sparse.py", "direct_solver", None)],
     "elements: forces, with and without tangent": [("body.py", "response", None)],
     "factorisation": [("sparse.py", "factor", None)],

@@ -3,7 +3,6 @@
 import ast
 import subprocess
 import sys
-import time
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -201,11 +200,9 @@ def test_reference_solutions_stand_alone():
 
 
 def test_help_imports_nothing_heavy():
-    """`gelforge --help` must answer at once: no numerical library is loaded for it."""
+    """`gelforge --help` answers at once: no numerical library is loaded for it."""
     code = "import sys; from gelforge.cli.arguments import parser; parser(); print(*sys.modules)"
-    start = time.perf_counter()
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()
     assert not {"numpy", "pydantic", "torch", "cv2", "matplotlib", "numba", "h5py", "pandas"} & set(loaded)
-    assert time.perf_counter() - start < 5  # a start of Python on a busy machine; 0.07 s when it is idle

@@ -6,7 +6,8 @@ from gelforge.config import Study, VirtualLab
 from gelforge.files import digest, source_digest
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.solving.simulate import Trajectory, simulate_trajectory
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.solving.simulate import simulate_trajectory
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.virtual_lab.particles import VirtualLabError

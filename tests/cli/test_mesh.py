@@ -8,7 +8,8 @@ import yaml
 from numpy.testing import assert_allclose
 
 from gelforge.cli import main
-from gelforge.indentation.solving.simulate import Trajectory, model_of
+from gelforge.indentation.paths.trajectory import Trajectory
+from gelforge.indentation.solving.model import model_of
 
 
 @pytest.fixture

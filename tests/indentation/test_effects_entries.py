@@ -13,8 +13,10 @@ from gelforge.indentation.effects.geometry import moved_mesh
 from gelforge.indentation.effects.kinematics import plane_touch, real_place, yielding
 from gelforge.indentation.effects.material import check_laws, region_bulk, region_laws
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
-from gelforge.indentation.solving.simulate import Trajectory, model_of, simulate_cell
+from gelforge.indentation.solving.model import model_of
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.materials.characterise import given_law
 from gelforge.materials.fitting.law_file import read_law, write_law
 from gelforge.mechanics.indenters.shapes import Sphere

@@ -12,7 +12,8 @@ from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
-from gelforge.indentation.solving.simulate import model_of, simulate_cell, simulate_trajectory
+from gelforge.indentation.solving.model import model_of
+from gelforge.indentation.solving.simulate import simulate_cell, simulate_trajectory
 from gelforge.mechanics.bodies.body import Body
 from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 from gelforge.mechanics.laws.models.ogden import Ogden

@@ -9,10 +9,12 @@ from gelforge.config import ConfigError, Variant
 from gelforge.indentation.effects.material import stretches_ahead
 from gelforge.indentation.paths.first_contact import surface_point
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.planning.plan import check_inside, plan_cells, variant_cells
 from gelforge.indentation.planning.reach import planned_reach
-from gelforge.indentation.solving import simulate
-from gelforge.indentation.solving.simulate import Trajectory, model_of, simulate_cell
+from gelforge.indentation.solving import model
+from gelforge.indentation.solving.model import model_of
+from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.indenters.shapes import Sphere
 from gelforge.mechanics.laws.models.yeoh import Yeoh
 
@@ -64,7 +66,7 @@ def test_a_turn_of_the_indenter_sinks_its_edge():
     study = specimens.study(indenter=BOX)
     turned = PlannedCell("a", 8.0, 8.0, (2.0,), phases=("tilt",), tilts_deg=((0.0, 15.0),))
     a = np.radians(15.0)
-    shape = simulate.shape_of(study.indenter)
+    shape = model.shape_of(study.indenter)
     found = planned_reach(study.sensor, study.mechanics.effects, shape, Trajectory.of(turned))
     assert found.depth_mm == pytest.approx(2.0 + 2.5 * np.sin(a) + 0.5 * (1 - np.cos(a)), abs=1e-9)
     with pytest.raises(ConfigError, match=r"depth 2\.664 mm \(commanded: 2 mm\) would pierce"):
@@ -157,7 +159,7 @@ def test_the_stretches_foreseen_enclose_those_that_are_reached(depth, keys):
 
     planned = PlannedCell("a", *specimens.CORNER, (depth,))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulate, "check_laws", remembering)
+        patch.setattr(model, "check_laws", remembering)
         cell = simulate_cell(study, LAWS, planned)
     assert cell.converged, cell.attributes["reason"]
     for name, (low, high) in zip(cell.attributes["regions"], cell.attributes["stretch_range"][-1]):
@@ -185,7 +187,7 @@ def test_soft_layers_among_stiff_ones_are_strained_most():
 
 def test_a_law_that_proves_unstable_is_flagged_in_the_cell(monkeypatch):
     monkeypatch.setattr(
-        simulate, "check_laws", lambda laws, stretches: None
+        model, "check_laws", lambda laws, stretches: None
     )  # as if the estimate were too small
     falling = Yeoh(0.0035, -0.002, 4.5e-4)  # it rises again, so the press converges
     cell = simulate_cell(

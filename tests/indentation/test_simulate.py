@@ -9,11 +9,12 @@ from numpy.testing import assert_allclose
 
 from gelforge.indentation.cells.cell_file import DATASETS, OPTIONAL, read_cell, read_timings, write_cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points
 from gelforge.indentation.solving.companion import simulate_label
 from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.indentation.solving.mirror import mirror_cell
-from gelforge.indentation.solving.simulate import Trajectory, simulate_cell, simulate_trajectory
+from gelforge.indentation.solving.simulate import simulate_cell, simulate_trajectory
 from gelforge.mechanics.laws.models.ogden import Ogden
 
 LAWS = specimens.STUDY_LAWS

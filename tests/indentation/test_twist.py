@@ -9,7 +9,8 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.planning.plan import plan_cells, plan_table
 from gelforge.indentation.sensor.indenter_shapes import shape_of
-from gelforge.indentation.solving.simulate import simulate_cell, touched_discs
+from gelforge.indentation.solving.model import touched_discs
+from gelforge.indentation.solving.simulate import simulate_cell
 
 CENTRE = np.array(specimens.CENTRE)
 MESH = {"near_mm": 0.7, "near_radius_mm": 2.4, "growth": 0.4, "far_mm": 2.0}

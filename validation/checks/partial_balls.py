@@ -24,7 +24,7 @@ from gelforge.config import Study, load_study, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects import fields
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.solving import simulate
+from gelforge.indentation.solving import model, simulate
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from validation.library import load_library
@@ -60,7 +60,7 @@ def pressing(study: Study, laws: dict, depth: float, place: tuple[float, float] 
 
 def mean_of_moduli():
     """Return the context in which an element's stiffness is the mean of its parts'."""
-    return mock.patch.object(simulate, "element_stiffness", _by_means)
+    return mock.patch.object(model, "element_stiffness", _by_means)
 
 
 def _by_means(mesh, sensor, mechanics):

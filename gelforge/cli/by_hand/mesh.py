@@ -11,7 +11,8 @@ def mesh(x: float, y: float, depth: float, indenter: Path | None, out: Path, stu
     """Write the undeformed mesh on which a press at this place and depth is solved; print which number is which region."""
     from gelforge.indentation.paths.trajectory import Trajectory
     from gelforge.indentation.planning.plan import check_inside, press_path
-    from gelforge.indentation.solving.simulate import meshes_of, shape_of
+    from gelforge.indentation.sensor.indenter_shapes import shape_of
+    from gelforge.indentation.solving.model import meshes_of
     from gelforge.meshing.tetrahedra import write_mesh
 
     described = described_press(study, indenter)

@@ -14,8 +14,10 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.planning.touching import untouched
 from gelforge.indentation.solving.error_bars import AMOUNT, COARSER, Companion, error_bars, laws_moved
+from gelforge.indentation.solving.model import model_of
 from gelforge.indentation.solving.sensitivities import sensitivities, variations_of, with_sensitivities
-from gelforge.indentation.solving.simulate import Solution, model_of, simulate_cell, solved_cell
+from gelforge.indentation.solving.simulate import simulate_cell, solved_cell
+from gelforge.indentation.solving.site_contents import Solution
 from gelforge.indentation.solving.stretch_range import Outside
 from gelforge.mechanics.contact.forces import OPEN
 from gelforge.mechanics.laws.law import PrincipalLaw

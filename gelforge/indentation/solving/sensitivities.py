@@ -24,7 +24,9 @@ from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.solving.inputs import model_inputs
-from gelforge.indentation.solving.simulate import Model, Solution, model_of, simulate_cell
+from gelforge.indentation.solving.model import Model, model_of
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.indentation.solving.site_contents import Solution
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes, slopes_along

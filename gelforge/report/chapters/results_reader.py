@@ -13,7 +13,7 @@ import pandas as pd
 
 from gelforge.config import ConfigError, Session, Study, load_session
 from gelforge.dataset.agreement import read_agreement
-from gelforge.dataset.join import open_features
+from gelforge.dataset.feature_rows import open_features
 from gelforge.dataset.manifest import read_manifest
 from gelforge.files import read_product_table
 from gelforge.hdf5 import opened
