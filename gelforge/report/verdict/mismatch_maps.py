@@ -130,7 +130,7 @@ def body_map_figure(results: MismatchResults) -> Figure:
         at, known = level[["x_mm", "y_mm"]].to_numpy(float), is_known(level).to_numpy()
         scale = (SIGNED, -limit, limit)
         shown = draw_squares(ax, at, spacing(at), 100 * level["change"].to_numpy(), scale, known)
-        shown.set_alpha(np.where(known, 1.0, FADED))
+        shown.set_alpha(np.where(known, 1.0, FADED).tolist())
         if sensor:
             surface_axes(ax, sensor.width_x_mm, sensor.width_y_mm, labels=False)
         for where in results.verdict.where:
