@@ -8,11 +8,20 @@ import pytest
 from pydantic import ValidationError
 
 from gelforge.files import write_product_json
-from gelforge.mismatch.result.verdict import Verdict, VerdictError, read_verdict, schema, write_verdict
+from gelforge.mismatch.result.verdict import (
+    DetectionLimit,
+    Verdict,
+    VerdictError,
+    read_verdict,
+    schema,
+    write_verdict,
+)
 from gelforge.mismatch.result.verdict_tables import (
     BODY_MAP,
+    LIMITS,
     READINGS,
     check_tables,
+    limits_table,
     read_table,
     write_tables,
 )
@@ -205,6 +214,14 @@ def test_tables_come_back(tmp_path):
     assert set(verdict.tables) == {READINGS, BODY_MAP}
     written(tmp_path, {READINGS: readings(), BODY_MAP: None})
     assert not (tmp_path / BODY_MAP).exists()  # of the verdict before
+
+
+def test_a_detection_limit_that_nothing_reaches_is_an_empty_cell(tmp_path):
+    limit = {"effect": "refraction", "parameter": "index", "unit": "-", "plausible": 0.05}
+    limits = [DetectionLimit(**limit, amount=None), DetectionLimit(**limit, amount=0.0312)]
+    written(tmp_path, {LIMITS: limits_table(limits)})
+    assert (tmp_path / LIMITS).read_text().splitlines()[1] == "refraction,index,-,,0.05"
+    assert read_table(tmp_path, LIMITS)["amount"].isna().tolist() == [True, False]
 
 
 def test_a_table_has_the_columns_that_are_documented_and_no_other(tmp_path):

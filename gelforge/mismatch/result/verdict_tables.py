@@ -32,6 +32,7 @@ class Columns:
     texts: tuple[str, ...] = ()
     numbers: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
+    gaps: bool = False  # numbers may be empty too
     others: bool = False  # all columns of the table are written, in its own order
 
 
@@ -64,11 +65,13 @@ COLUMNS = {
         _of("uv", "px", "after"),
     ),
     # one row per judged place and depth while loading; cells are empty where the model does not hold
-    CORRECTION: Columns(numbers=("x_mm", "y_mm", "depth_mm", *_of("xyz", "N", "base", "change", "sigma"))),
+    CORRECTION: Columns(
+        numbers=("x_mm", "y_mm", "depth_mm", *_of("xyz", "N", "base", "change", "sigma")), gaps=True
+    ),
     # in addition what the map is a function of
     MODULE: Columns(("quantity", "unit"), ("mean", "sigma"), others=True),
     # smallest value that would be detected (empty: none would) and a plausible one [unit]
-    LIMITS: Columns(("effect", "parameter", "unit"), ("amount", "plausible")),
+    LIMITS: Columns(("effect", "parameter", "unit"), ("amount", "plausible"), gaps=True),
 }
 DIGITS = {LIMITS: "%.3g"}
 
@@ -80,7 +83,7 @@ def write_tables(folder: str | Path, tables: Mapping[str, pd.DataFrame | None]) 
     """
     for name, table in tables.items():
         if table is not None and (missing := [c for c in _needed(COLUMNS[name]) if c not in table]):
-            raise VerdictError(f"{Path(folder) / name}: columns {missing} are missing; found {list(table)}")
+            raise VerdictError(f"{Path(folder) / name}: columns {missing} are missing; found {[*table]}")
     found = {}
     for name, table in tables.items():
         path, known = Path(folder) / name, COLUMNS[name]
@@ -115,7 +118,8 @@ def read_table(folder: str | Path, name: str) -> pd.DataFrame | None:
         return None
     path = Path(folder) / name
     check_seal(path, REMEDY, VerdictError, stated)
-    read = read_csv(path, numbers=known.numbers, optional_numbers=known.optional, texts=known.texts)
+    always, maybe = ((), known.numbers) if known.gaps else (known.numbers, ())
+    read = read_csv(path, numbers=always, optional_numbers=(*maybe, *known.optional), texts=known.texts)
     return read.reset_index(drop=True)
 
 

@@ -136,12 +136,12 @@ def _tell_tried(chapter: Chapter, verdict: Verdict) -> None:
     rows = [
         {
             "effect": unbroken(pretty(effect.name)),
-            "probability": chances[effect.name],
+            "probability": unbroken(chances[effect.name]),
             "log Bayes factor": round(effect.log_bayes_factor, 1),
             "signal over noise": effect.snr and round(effect.snr, 1),
             "value (90 % interval), place or time": value_text(effect),
             "possible": effect.in_range,
-            "judged in": "solver" if effect.refitted else "first order",
+            "judged in": unbroken("solver" if effect.refitted else "first order"),
         }
         for effect in verdict.effects
     ]
