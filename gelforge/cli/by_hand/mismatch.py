@@ -75,10 +75,10 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
     from gelforge.mismatch.result.verdict import read_verdict
     from gelforge.mismatch.result.verdict_tables import check_tables
 
-    verdict = read_verdict(out)
-    check_tables(out, verdict)
     with Stages("experiments that would tell effects apart"):
-        table = experiments_table(solver_of(study, out, laws, kept, workers, []), verdict)
+        solver, verdict = solver_of(study, out, laws, kept, workers, []), read_verdict(out)
+        check_tables(out, verdict)
+        table = experiments_table(solver, verdict)
     write_table(out, "experiments", table)
     print(table.to_string(index=False, float_format="%.3g"))
 
