@@ -239,6 +239,15 @@ def test_a_plan_without_a_verdict_is_refused(home, capsys, tmp_path):
     )
 
 
+def test_a_plan_after_a_verdict_with_another_table_is_refused(home, capsys, tmp_path):
+    (tmp_path / "readings.csv").write_text("of another verdict\n")
+    write_verdict(tmp_path, Verdict.model_validate(content(tables={"readings.csv": "0" * 64})))
+    printed = refusal(home, capsys, "plan", "--out", tmp_path)
+    assert (
+        "readings.csv: damaged or edited" in printed and "write it anew with `gelforge mismatch`" in printed
+    )
+
+
 def test_a_plan_after_a_verdict_that_leaves_no_choice_is_refused(home, capsys, tmp_path):
     write_verdict(tmp_path, Verdict.model_validate(content()))
     printed = refusal(home, capsys, "plan", "--out", tmp_path)
