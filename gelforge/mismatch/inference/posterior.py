@@ -119,9 +119,8 @@ def posterior_of(problem: Problem, manners: Sequence[Manner]) -> Posterior:
     with Progress("linear pass over sets of effects, steps", 4) as progress:
         singles = {one.name: one for one in those_felt(weighed(problem, every, problem.candidates))}
         progress.advance(note="single effects")
-        tables, number, scale = _tables(
-            problem, Linear.of(problem.residual, problem.covariance, problem.candidates)
-        )
+        linear = Linear.of(problem.residual, problem.covariance, problem.candidates)
+        tables, number, scale = set_tables(linear)
         progress.advance(note="pairs and triples")
         sets = _believed(problem, number, scale, tables, len(singles))
         progress.advance(note="errors of their changes")
@@ -166,9 +165,9 @@ def twins_of(covariance: Covariance, singles: Mapping[str, Screened]) -> dict[st
     return found
 
 
-def _tables(problem: Problem, linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
+def set_tables(linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
     """Return by set of effects (names, mean evidence, best evidence, best choice), and the choices' candidate and scale."""
-    names = np.array([candidate.name for candidate in problem.candidates])
+    names = np.array([candidate.name for candidate in linear.candidates])
     felt = _felt(linear)
     number, scale = scales_of(linear)
     chosen = felt[number]
@@ -179,7 +178,7 @@ def _tables(problem: Problem, linear: Linear) -> tuple[list, np.ndarray, np.ndar
     singles = linear.log_bayes_factors(number[:, None], scale[:, None])
     found = _by_effects(own[:, None], np.arange(len(own))[:, None], singles)
     i, j = np.triu_indices(len(number), 1)
-    placed = np.array(["x_mm" in problem.candidates[k].shape for k in number])
+    placed = np.array(["x_mm" in linear.candidates[k].shape for k in number])
     other = (own[i] != own[j]) & ~(placed[i] & placed[j])
     i, j = i[other], j[other]
     if not len(i):
