@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.evidence.screen import Candidate, evidence, judged_by
-from gelforge.mismatch.inference.linear import Linear, half_normal_evidence
+from gelforge.mismatch.evidence.screen import Candidate, evidence, half_normal, judged_by
+from gelforge.mismatch.inference.linear import Linear
 
 N = 40
 
@@ -49,7 +49,7 @@ def test_without_signs_the_evidence_is_that_of_a_normal_model():
     Z = J * widths
     exact = multivariate_normal(np.zeros(N), np.eye(N) + Z @ Z.T).logpdf(r)
     exact -= multivariate_normal(np.zeros(N), np.eye(N)).logpdf(r)
-    found = half_normal_evidence((Z.T @ r)[None], (Z.T @ Z)[None], np.zeros((1, 3)))
+    found = half_normal((Z.T @ r)[None], (Z.T @ Z)[None], np.zeros((1, 3)))[0]
     assert found[0] == pytest.approx(exact, rel=1e-9)
     assert evidence(r, J, widths, np.zeros(3))[0] == pytest.approx(exact, rel=1e-9)
 
@@ -60,7 +60,7 @@ def test_an_amount_of_the_wrong_sign_loses_by_its_share_of_the_half_line():
 
     b, G = 3.0, 4.0
     mean, sd = b / (1 + G), 1 / np.sqrt(1 + G)
-    both = half_normal_evidence(np.array([[b]]), np.array([[[G]]]), np.zeros((1, 1)))[0]
+    both = half_normal(np.array([[b]]), np.array([[[G]]]), np.zeros((1, 1)))[0][0]
     for sign in (1.0, -1.0):
-        found = half_normal_evidence(np.array([[b]]), np.array([[[G]]]), np.array([[sign]]))[0]
+        found = half_normal(np.array([[b]]), np.array([[[G]]]), np.array([[sign]]))[0][0]
         assert found == pytest.approx(both + np.log(2) + norm.logcdf(sign * mean / sd), rel=1e-9)

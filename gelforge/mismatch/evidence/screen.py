@@ -203,36 +203,42 @@ def evidence(
 
     .. math:: \ln B = \tfrac12 b^T A^{-1} b - \tfrac12 \ln\det(W A W), \quad A = J^T J + W^{-2}, \; b = J^T r
 
-    and signs multiply by the posterior's share of the allowed orthant over the prior's, 2^-k. Exact without signs and
-    with one; with more the orthant is taken one side at a time, the posterior being kept normal between (Mendell & Elston
-    1974, doi:10.2307/2529136).
+    and signs multiply by the posterior's share of the allowed orthant over the prior's, 2^-k (`half_normal`).
     """
     W = np.asarray(widths, dtype=float)
-    b = W * (J.T @ r)  # in units of the widths
-    B = np.eye(len(W)) + W[:, None] * (J.T @ J) * W
+    gram = W[:, None] * (J.T @ J) * W
+    found = half_normal((W * (J.T @ r))[None], gram[None], np.asarray(signs)[None])
+    log_factor, mean, cov = (one[0] for one in found)
+    return float(log_factor), W * mean, W[:, None] * (cov + cov.T) / 2 * W
+
+
+def half_normal(
+    b: np.ndarray, gram: np.ndarray, signs: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return log evidence (m,), posterior means (m, p) and covariances (m, p, p) of values with standard normal priors.
+
+    b (m, p) and gram (m, p, p): whitened columns with the residual and with each other; signs (m, p): 1 and -1 keep a value
+    on its half line. Exact without signs and with one; with more the orthant is taken one side at a time, the posterior
+    being kept normal between (Mendell & Elston 1974, doi:10.2307/2529136).
+    """
+    p = b.shape[1]
+    B = gram + np.eye(p)
     cov = np.linalg.inv(B)
-    cov = (cov + cov.T) / 2
-    mean = cov @ b
-    log_factor = 0.5 * b @ mean - 0.5 * np.linalg.slogdet(B)[1]
-    for i in np.flatnonzero(signs).tolist():
-        share, mean, cov = _half(mean, cov, i, signs[i])
-        log_factor += share + np.log(2)
-    return float(log_factor), W * mean, W[:, None] * cov * W
-
-
-def _half(mean: np.ndarray, cov: np.ndarray, i: int, sign: int) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the log probability that a normal vector has the sign at i, and its mean and covariance if it has."""
-    sd = np.sqrt(cov[i, i])
-    h = sign * mean[i] / sd
-    log_share = log_ndtr(h)
-    if h > FAR:
-        ratio = np.exp(-0.5 * h**2 - 0.5 * np.log(2 * np.pi) - log_share)  # phi(h) / Phi(h)
-        left = 1 - ratio * (h + ratio)  # of the variance
-    else:
-        ratio, left = -h - 1 / h, 1 / h**2
-    gain = cov[:, i] / cov[i, i]
-    return (
-        float(log_share),
-        mean + gain * sign * sd * ratio,
-        cov - np.outer(gain, gain) * cov[i, i] * (1 - left),
-    )
+    mean = (cov @ b[:, :, None])[:, :, 0]
+    found = 0.5 * (b * mean).sum(axis=1) - 0.5 * np.linalg.slogdet(B)[1]
+    for i in range(p):
+        signed = signs[:, i] != 0
+        if not signed.any():
+            continue
+        sd = np.sqrt(cov[:, i, i])
+        h = np.where(signed, signs[:, i], 1.0) * mean[:, i] / sd
+        near = np.maximum(h, FAR)
+        ratio = np.exp(-0.5 * near**2 - 0.5 * np.log(2 * np.pi) - log_ndtr(near))  # phi(h) / Phi(h)
+        left = np.where(h > FAR, 1 - ratio * (near + ratio), 1 / h**2)  # of the variance
+        ratio = np.where(h > FAR, ratio, -h - 1 / h)
+        found += np.where(signed, log_ndtr(h) + np.log(2), 0.0)
+        gain = cov[:, :, i] / cov[:, i, i][:, None]
+        mean = mean + np.where(signed, ratio * sd * signs[:, i], 0.0)[:, None] * gain
+        gone = np.where(signed, (1 - left) * cov[:, i, i], 0.0)[:, None, None]
+        cov = cov - gone * gain[:, :, None] * gain[:, None, :]
+    return found, mean, cov

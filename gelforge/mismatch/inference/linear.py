@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.evidence.screen import FAR, SCALES, Candidate, whitened
+from gelforge.mismatch.evidence.screen import SCALES, Candidate, half_normal, whitened
 
 AT_ONCE = 20_000  # sets of one size
 
@@ -91,49 +90,12 @@ class Linear:
         b = self.projected[at]
         if fixed:
             b = b - self.gram[at[:, :, None], np.hstack(fixed)[:, None, :]].sum(axis=2)
-        return factor + half_normal_evidence(
-            scale * b,
-            scale[:, :, None] * self.gram[at[:, :, None], at[:, None, :]] * scale[:, None, :],
-            self.signs[at],
-        )
+        gram = scale[:, :, None] * self.gram[at[:, :, None], at[:, None, :]] * scale[:, None, :]
+        return factor + half_normal(scale * b, gram, self.signs[at])[0]
 
     def _columns_of(self, candidates: np.ndarray) -> np.ndarray:
         """Return the columns (m, p) of candidates (m,) that have as many each."""
         return self.first[candidates][:, None] + np.arange(self.count[candidates[0]])
-
-
-def half_normal_evidence(b: np.ndarray, gram: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """Return log evidence (m,) of values with standard normal priors on their physical half lines.
-
-    b (m, p) and gram (m, p, p): whitened columns with the residual and with each other; signs (m, p). The orthant's share is
-    taken one side at a time (screen.evidence).
-    """
-    p = b.shape[1]
-    B = gram + np.eye(p)
-    cov = np.linalg.inv(B)
-    mean = (cov @ b[:, :, None])[:, :, 0]
-    found = 0.5 * (b * mean).sum(axis=1) - 0.5 * np.linalg.slogdet(B)[1]
-    for i in range(p):
-        signed = signs[:, i] != 0
-        if not signed.any():
-            continue
-        sd = np.sqrt(cov[:, i, i])
-        h = np.where(signed, signs[:, i], 1.0) * mean[:, i] / sd
-        share = log_ndtr(h)
-        near = np.maximum(h, FAR)
-        ratio = np.exp(-0.5 * near**2 - 0.5 * np.log(2 * np.pi) - log_ndtr(near))
-        left = 1 - ratio * (near + ratio)
-        ratio, left = np.where(h > FAR, ratio, -h - 1 / h), np.where(h > FAR, left, 1 / h**2)
-        found += np.where(signed, share + np.log(2), 0.0)
-        gain = cov[:, :, i] / cov[:, i, i][:, None]
-        mean = mean + np.where(signed, ratio * sd * signs[:, i], 0.0)[:, None] * gain
-        cov = (
-            cov
-            - np.where(signed, (1 - left) * cov[:, i, i], 0.0)[:, None, None]
-            * gain[:, :, None]
-            * gain[:, None, :]
-        )
-    return found
 
 
 def scales_of(linear: Linear) -> tuple[np.ndarray, np.ndarray]:
