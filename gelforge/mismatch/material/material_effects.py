@@ -85,27 +85,25 @@ def dated(tests: StressTests) -> list[Change]:
 
     x: share of the span; s: share of the base's range of strain; L: Legendre's polynomials; P_0: the base law. A network
     that age cuts and links anew, or a foam whose cells give in, has another law and not the old one times a factor. The
-    shapes: size, or size and shape of the law, with relaxation as it was or changed too; or relaxation alone.
+    shapes: size, or size and shape of the law, with relaxation as it was or changed too.
     """
     base, found = tests.readings.base, []
     s = np.clip(tests.readings.table["share"].to_numpy(), 0.0, 1.0)
     bent = np.column_stack([np.ones_like(s), *(polynomial(s) for polynomial in LEGENDRE)])
-    laws = {"": (), "size": (SIZE,), "size and shape": (SIZE, *SHAPE)}
+    laws = {"size": (SIZE,), "size and shape": (SIZE, *SHAPE)}
     for attribute, alike, unit in (("age_days", CIRCUMSTANCES[1].alike, "days"), ("dose", 0.0, "doses")):
         x, span = _circumstance(tests, attribute, alike)
-        for what, law in laws.items():
-            for loss in ((), (LOSS,)):
-                if span is None or not (law or loss):
-                    continue
+        for what, law in laws.items() if span else ():
 
-                def apply(P, a, x=x, law=law):
-                    q = len(law)
-                    P = P + a[q] * x * (P - base) if len(a) > q else P
-                    return P * (1 + x * (bent[:, :q] @ a[:q]))
+            def apply(P, a, x=x, law=law):
+                q = len(law)
+                P = P + a[q] * x * (P - base) if len(a) > q else P
+                return P * (1 + x * (bent[:, :q] @ a[:q]))
 
-                changed = [f"{what} of the constitutive model"] * bool(law) + ["relaxation"] * bool(loss)
-                shape = {"from": span[0], "to": span[1], "per": unit, "of": " and ".join(changed)}
-                found.append(Change("ageing", (*law, *loss), apply, shape))
+            shape = {"from": span[0], "to": span[1], "per": unit, "of": f"{what} of the constitutive model"}
+            found.append(Change("ageing", law, apply, shape))
+            shape = shape | {"of": f"{shape['of']} and relaxation"}
+            found.append(Change("ageing", (*law, LOSS), apply, shape))
     return found
 
 
