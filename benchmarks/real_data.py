@@ -11,7 +11,10 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # validation is not installed
 
 for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -31,9 +34,9 @@ from gelforge.indentation.solving.companion import simulate_label  # noqa: E402
 from gelforge.laws_of_study import laws_of  # noqa: E402
 from gelforge.materials.readers.material_source import read_sources  # noqa: E402
 from gelforge.mismatch.material.material_tests import Judged, judge_sources  # noqa: E402
-from gelforge.mismatch.pipeline.published import SITES, STATED_N, read_table  # noqa: E402
 from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM  # noqa: E402
 from gelforge.progress import Progress, show  # noqa: E402
+from validation.checks.article import SITES, STATED_N, read_table  # noqa: E402
 
 PARTS = ("feats", "article", "materials")
 STUDY = Path("config/gelsight_mini.yaml")

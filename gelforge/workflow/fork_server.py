@@ -23,7 +23,7 @@ from functools import cache
 # Commands that solve: their forks find kernels and direct solver loaded.
 SOLVING = {
     *("simulate", "level", "derive", "sensitivities", "virtual-cell"),
-    *("simulate-session", "solve-synthesis", "verify", "mismatch", "mismatch-published"),
+    *("simulate-session", "solve-synthesis", "verify", "mismatch"),
 }
 # What the others import, most of it used by several.
 IMPORTS = {

@@ -16,10 +16,12 @@ from gelforge.materials.basis.common_form import ForcePair, MaterialTest, Segmen
 from gelforge.materials.basis.segments import find_segments
 from gelforge.materials.readers.material_source import MaterialSource, read_sources
 from gelforge.materials.small_tests.small_effects import SmallTests
-from gelforge.mismatch.material.material_evidence import Candidate, Readings, fitted
+from gelforge.mismatch.material.held_out import pieces_of
 from gelforge.mismatch.material.material_law import foam_stress
+from gelforge.mismatch.material.material_models import Change, fitted, posterior_of
+from gelforge.mismatch.material.material_readings import Dense, Readings
 from gelforge.mismatch.material.material_tests import judge_material, judge_sources
-from gelforge.mismatch.material.material_viscosity import hereditary
+from gelforge.mismatch.material.relaxation import hereditary
 from gelforge.mismatch.model.effect import Parameter
 
 ROOT = Path(__file__).parents[2]
@@ -184,10 +186,75 @@ def test_a_fit_lies_in_the_middle_of_readings_whose_errors_are_shared():
         table, measured, base, np.diag((0.01 * base) ** 2), 0 * base, 0 * base, 0.0, (), None, shared_error
     )
     factor = Parameter("factor", "1", 1.0, (-0.9, 5.0), "any")
-    model = (Candidate("gain", (factor,), lambda P, a: P * (1 + a[0]), 0),)
-    found = fitted(readings, model, np.ones(n, bool))
+    found = fitted(readings, [Change("force_gain", (factor,), lambda P, a: P * (1 + a[0]))])
     # 1.1 % is the scatter of the mean, 5 % / sqrt(20). Shares of the measured stress drive the factor to its bound.
-    assert abs(found.amounts[0]) < 0.011
+    assert abs(found.judged.amounts[0]) < 0.011
+
+
+def linear_readings(seed, n=40, gain=0.1, offset=0.05):
+    """Return readings with a gain and an offset that are there, of one branch with independent noise."""
+    base = np.linspace(0.1, 1.0, n)
+    table = pd.DataFrame({"sample": "a", "segment": 0, "progress": np.linspace(0, 1, n), "is_base": False})
+    measured = base * (1 + gain) + offset + 0.01 * np.random.default_rng(seed).standard_normal(n)
+    return Readings(table, measured, base, 0.01**2 * np.eye(n), 0 * base, 0 * base, 0.0)
+
+
+LINEAR = (
+    Change("force_gain", (Parameter("g", "1", 0.1, (-9.0, 9.0), ""),), lambda P, a: P * (1 + a[0])),
+    Change("force_offset", (Parameter("o", "N", 0.1, (-9.0, 9.0), ""),), lambda P, a: P + a[0]),
+)
+
+
+def test_linear_changes_have_the_evidence_of_a_normal_density():
+    """ln N(r; 0, C + J W^2 J') - ln N(r; 0, C), averaged over three scales of each prior at the evidence of the best."""
+    readings = linear_readings(0)
+    J = np.column_stack([readings.base, np.ones(len(readings.base))])
+    r = readings.measured - readings.base
+    fit = fitted(readings, LINEAR)
+    exact = Dense(readings.fixed + 0.1**2 * J @ J.T).log_density(r)
+    # a gain acts before the offset, so both are exactly linear
+    assert fit.log_evidence == pytest.approx(exact, abs=1e-4)
+    posterior, fits = posterior_of(readings, LINEAR)
+    scales = np.array([1.0, 0.3, 0.1]) * 0.1
+    each = [
+        Dense(readings.fixed + (J * [g, o]) ** 1 @ (J * [g, o]).T).log_density(r)
+        for g in scales
+        for o in scales
+    ]
+    average = np.logaddexp.reduce(each) - np.log(9) - readings.covariance.log_density(r)
+    assert posterior.evidence[frozenset({"force_gain", "force_offset"})] == pytest.approx(average, abs=1e-3)
+    assert len(fits) == 3 and posterior.ranked()[0] == {"force_gain", "force_offset"}
+
+
+def test_what_is_not_there_is_not_in_the_most_probable_set():
+    """A change that is nothing but a gain: the offset beside it is paid for and not had."""
+    found = [posterior_of(linear_readings(seed, offset=0.0), LINEAR)[0] for seed in range(5)]
+    assert all(one.ranked()[0] == {"force_gain"} for one in found)
+    assert all(one.holding(["force_offset"]) < 0.5 for one in found)
+
+
+def test_a_dense_covariance_whitens():
+    A = np.random.default_rng(1).standard_normal((6, 9))
+    C = Dense(A @ A.T)
+    np.testing.assert_allclose(C.whiten(A @ A.T) @ C.whiten(np.eye(6)).T, np.eye(6), atol=1e-10)
+    assert C.log_det == pytest.approx(np.linalg.slogdet(A @ A.T)[1])
+    kept = np.arange(6) % 2 == 0
+    np.testing.assert_allclose(C.restricted(kept).matrix, (A @ A.T)[::2, ::2])
+    np.testing.assert_allclose(C.standard_deviation**2, np.diag(A @ A.T))
+
+
+@pytest.mark.parametrize(
+    ("samples", "branches", "whole"), [(5, 2, "sample"), (2, 7, "branch"), (1, 3, "quarter")]
+)
+def test_the_largest_pieces_that_there_are_enough_of_are_held_out(samples, branches, whole):
+    rows = [(f"s{k}", f"{k}{b}", b == k == 0, x, "load") for k in range(samples) for b in range(branches)
+            for x in np.linspace(0, 1, 8)]  # fmt: skip
+    table = pd.DataFrame(rows, columns=["sample", "segment", "is_base", "progress", "branch"])
+    pieces = pieces_of(table, np.random.default_rng(0))
+    held = ~pieces.train
+    assert held.any() and not held[table["is_base"]].any()
+    size = {"sample": 8 * branches, "branch": 8, "quarter": 2}[whole]
+    assert (pieces.of_row[held].value_counts() == size).all()
 
 
 @pytest.mark.thorough
@@ -276,27 +343,14 @@ def test_adhesives_and_nitrile_show_rate_dependence(folder, material):
 
 @pytest.mark.thorough
 @shared_data.needs_shared
-def test_the_foam_relaxes_and_there_is_evidence_for_ageing_of_its_law():
+def test_the_irradiated_foam_ages_on_top_of_its_relaxation():
     """Softer at small strain, as stiff at large strain, and relaxing more: seen in the curves themselves."""
     verdict = shared("nist_foam_ageing")["VN01"]
-    assert named_in(verdict) == ["viscoelastic"] and verdict.state == "unexplained"
+    assert named_in(verdict) == ["viscoelastic", "ageing"]
     ageing = next(e for e in verdict.effects if e.name == "ageing")
     amounts = {a.name: a.value for a in ageing.amounts}
-    assert ageing.log_bayes_factor > 5 and "ageing" in verdict.sentence
-    assert amounts["change_over_span"] < 0 < amounts["change_of_law_shape_1"]
-    assert amounts["change_of_relaxation"] > 0
-
-
-@pytest.mark.thorough
-@shared_data.needs_shared
-@pytest.mark.xfail(
-    strict=True,
-    reason="known shortfall: ageing has evidence (log 14) and does not predict what was set aside by two standard errors,"
-    " with one sample per dose",
-)
-def test_the_irradiated_foam_ages_on_top_of_its_relaxation():
-    verdict = shared("nist_foam_ageing")["VN01"]
-    assert named_in(verdict) == ["viscoelastic", "ageing"]
+    # one specimen per dose: softening beyond the fit's own may be instead
+    assert 0.5 < ageing.probability < 0.9 and amounts["change_over_span"] < 0
 
 
 @shared_data.needs_shared
@@ -307,10 +361,13 @@ def test_the_gel_under_the_probe_sticks():
 
 
 @shared_data.needs_shared
-def test_cells_whose_records_end_before_the_probe_is_free_relax():
+def test_cells_relax_and_stick():
     """Their withdrawal ends below the contact point, so no height at which the probe comes free is tried."""
     found = {name: v for name, v in shared("afm_indentation").items() if name.startswith("cell-")}
-    assert len(found) == 3 and all(named_in(v) == ["viscoelastic"] for v in found.values())
+    assert len(found) == 3 and all(set(named_in(v)) == {"viscoelastic", "adhesion"} for v in found.values())
+    for verdict in found.values():
+        held = verdict.fit.held_out
+        assert held.shown and held.after.rmse_N[2] < 0.3 * held.before.rmse_N[2]
 
 
 @shared_data.needs_shared

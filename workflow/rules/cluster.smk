@@ -8,7 +8,7 @@ from gelforge.workflow.patient_slurm import make_patient, reaches_jobs
 START_S = 60  # a job of a cluster starts Snakemake twice, 10 to 30 s on a busy machine
 MARGIN = 2  # machines differ, and so do sites
 FIT_S, PICTURES_S = 20, 300  # a material; one whose tests are pictures
-VERIFY_S, PAPER_S = 90, 1200
+VERIFY_S = 90
 SHORT_S = 20  # a job that reads, sums and writes
 
 

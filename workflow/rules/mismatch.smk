@@ -82,23 +82,3 @@ rule mismatch:
     shell:
         "{ONE_THREAD:q} {GELFORGE:q} mismatch {DATA:q} --config {STUDY_FILE:q} --out {RESULTS:q}/mismatch"
         " --workers {threads:q} &> {log:q}"
-
-
-rule paper_mismatch:
-    """The article's own readings against its two published curves and against our sites; needs no study of yours."""
-    input:
-        study="config/paper.yaml",
-        table="data/paper/force_depth.csv",
-    output:
-        "results/paper_mismatch/summary.md",
-        expand("results/paper_mismatch/{case}/report.html", case=("linear", "hyperelastic", "cells")),
-    log:
-        "logs/paper_mismatch.log",
-    threads: 2
-    resources:
-        runtime=asks(lambda *_: PAPER_S),
-    params:
-        source=source_digest("mechanics", "indentation", "mismatch", "report/mismatch_page.py"),
-    shell:
-        "{ONE_THREAD:q} {GELFORGE:q} mismatch-published --config {input.study:q} --out results/paper_mismatch"
-        " --workers {threads:q} &> {log:q}"

@@ -38,7 +38,6 @@ def add(commands) -> None:
     _verify(commands)
     _mismatch_materials(commands)
     _mismatch(commands)
-    _mismatch_published(commands)
     add_command(
         commands, "warm-up", "by_hand.warm_up.warm_up", "compile the kernels and keep them for later runs"
     )
@@ -213,15 +212,3 @@ def _mismatch(commands) -> None:
     mismatch.add_argument(
         "--no-page", dest="page", action="store_false", help="verdict and tables only, no report.html"
     )
-
-
-def _mismatch_published(commands) -> None:
-    published = add_command(
-        commands,
-        "mismatch-published",
-        "by_hand.mismatch.published",
-        "judge the article's own readings against its two curves and against our own solutions",
-    )
-    add_study(published, "--study", "--config", dest="config", required=True, text="the article's study")
-    published.add_argument("--out", type=Path, required=True, help="folder to write")
-    published.add_argument("--workers", type=int, default=1, help="indentations that are solved side by side")

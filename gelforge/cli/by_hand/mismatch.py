@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gelforge.cli.study.cost import Costs
 from gelforge.config import Study, load_study
-from gelforge.progress import Stages, stage, tracked
+from gelforge.progress import Stages, stage
 
 
 def mismatch(
@@ -81,20 +81,3 @@ def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: 
         table = experiments_table(solver, verdict)
     write_table(out, "experiments", table)
     print(table.to_string(index=False, float_format="%.3g"))
-
-
-def published(config: Path, out: Path, workers: int) -> None:
-    """Judge the article's own readings against its two curves and against our cells, and print the verdicts."""
-    from dataclasses import replace
-
-    from gelforge.mismatch.pipeline.published import CASES, judge_case, study_of, write_summary
-    from gelforge.mismatch.pipeline.stage import solver_of
-    from gelforge.report.mismatch_page import write_mismatch_page
-
-    study, verdicts = load_study(config), {}
-    solver = replace(solver_of(study, out, [], None, workers, []), cells=None, uncertain={})
-    for case in tracked(CASES, "cases judged"):
-        verdicts[case.name] = judge_case(case, replace(solver, study=study_of(case, study)), out)
-        write_mismatch_page(out / case.name)
-        print(f"{case.title}: {verdicts[case.name].state}: {verdicts[case.name].sentence}")
-    write_summary(out, verdicts)

@@ -16,7 +16,7 @@ from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_te
 from gelforge.mismatch.inference.few_sites import at_few_sites
 from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, linearised, through_solutions
 from gelforge.mismatch.inference.placing import placed
-from gelforge.mismatch.inference.posterior import Effects, Posterior, posterior_of
+from gelforge.mismatch.inference.posterior import CredibleSet, Effects, Posterior, posterior_of
 from gelforge.mismatch.inference.proof import Proof, folds_of, having_paid, proof_of
 from gelforge.mismatch.result.verdict import SURE
 from gelforge.mismatch.terms.holdout import Blocks
@@ -29,23 +29,13 @@ WORTH_SOLVING = 0.1  # probability of an effect, below which no effect is solved
 
 
 @dataclass(frozen=True)
-class Group:
-    """One acting effect: its credible set, in two parts."""
+class Group(CredibleSet):
+    """The credible set of an effect of an answer, and how much it matters which of its effects is taken."""
 
-    members: tuple[str, ...]  # the fitted effect first, then those of its line: the same sensitivities
-    alternatives: tuple[str, ...]  # other effects of the credible set, the most probable first
-    probability: float  # that a member is there
-    set_probability: float  # that an effect of the credible set is there
-    shares: Mapping[str, float]  # of each effect in the set; they add up to 1
-    differs_snr: (
-        float  # largest difference between the readings that the set's effects predict, signal over noise
+    differs_snr: float = (
+        0.0  # largest difference between the readings that the effects predict, signal over noise
     )
-    differs_N: float  # the same, root mean square over readings [N]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Return the credible set."""
-        return (*self.members, *self.alternatives)
+    differs_N: float = 0.0  # the same, root mean square over readings [N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,35 +176,14 @@ def _amounts_in(judged: Screened, name: str) -> np.ndarray:
 
 
 def groups_of(problem: Problem, posterior: Posterior, fit: Refitted) -> tuple[Group, ...]:
-    """Return the credible set of each fitted effect, the most probable first.
-
-    An effect of another one's set acts beside this one, and not in its place.
-    """
-    names = sorted((part.name for part in fit.parts), key=lambda name: -posterior.holding([name]))
-    found: list[Group] = []
-    for name in names:
-        elsewhere = {*names} - {name} | {one for group in found for one in group.names}
-        found.append(_group(problem, posterior, frozenset(names), posterior.credible_set(name, elsewhere)))
+    """Return the credible set of each fitted effect, the most probable first."""
+    effects, found = frozenset(part.name for part in fit.parts), []
+    for one in posterior.credible_sets(effects):
+        first, *others = one.names
+        differs = [_difference(problem, posterior, effects, first, other) for other in others]
+        snr, size = (max(sizes, default=0.0) for sizes in zip(*differs)) if differs else (0.0, 0.0)
+        found.append(Group(**vars(one), differs_snr=snr, differs_N=size))
     return tuple(found)
-
-
-def _group(problem: Problem, posterior: Posterior, effects: Effects, credible: Sequence[str]) -> Group:
-    """Return a credible set as a group of an answer with these effects."""
-    name = credible[0]
-    members = tuple(one for one in credible if one in posterior.lines.get(name, {name}))
-    alternatives = tuple(one for one in credible if one not in members)
-    chance = {one: posterior.holding([one]) for one in (*members, *alternatives)}
-    total = max(sum(chance.values()), np.finfo(float).tiny)
-    differs = [_difference(problem, posterior, effects, name, one) for one in credible[1:]]
-    return Group(
-        members=members,
-        alternatives=alternatives,
-        probability=posterior.holding(members),
-        set_probability=posterior.holding(credible),
-        shares={one: own / total for one, own in chance.items()},
-        differs_snr=max((snr for snr, _ in differs), default=0.0),
-        differs_N=max((size for _, size in differs), default=0.0),
-    )
 
 
 def _difference(

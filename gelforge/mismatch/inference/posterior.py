@@ -34,6 +34,22 @@ CREDIBLE = 0.95  # of an effect's probability, which its credible set holds
 Effects = frozenset[str]
 
 
+@dataclass(frozen=True)
+class CredibleSet:
+    """The smallest set of effects that holds CREDIBLE of the probability of one acting effect."""
+
+    members: tuple[str, ...]  # the effect, then those of its line: the same sensitivities
+    alternatives: tuple[str, ...]  # other effects, the most probable first
+    probability: float  # that a member is there
+    set_probability: float  # that an effect of the set is there
+    shares: Mapping[str, float]  # of each effect in the set; they add up to 1
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the whole set."""
+        return (*self.members, *self.alternatives)
+
+
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """How probable sets of effects are."""
@@ -105,18 +121,38 @@ class Posterior:
         """Return the lines of a set's effects."""
         return frozenset(self.lines.get(name, frozenset({name})) for name in effects)
 
-    def credible_set(self, name: str, others: Iterable[str]) -> list[str]:
-        """Return the smallest set of effects, `name` first, that holds CREDIBLE of its probability; the likeliest first.
+    def credible_sets(self, effects: Effects) -> list[CredibleSet]:
+        """Return the credible set of each effect of a set, the most probable first.
 
-        others: effects that act together with it, which cannot stand in its place. Effects are added one by one, always
-        the one that adds most.
+        An effect of another one's set acts beside this one, and not in its place.
         """
-        rest = [one for one in self.singles if one != name and one not in set(others)]
+        found: list[CredibleSet] = []
+        for name in sorted(effects, key=lambda one: -self.holding([one])):
+            elsewhere = (effects - {name}).union(*(one.names for one in found))
+            found.append(self._credible_set(name, elsewhere))
+        return found
+
+    def _credible_set(self, name: str, elsewhere: Effects) -> CredibleSet:
+        """Return the smallest set of effects, `name` first, that holds CREDIBLE of its probability.
+
+        Effects are added one by one, always the one that adds most.
+        """
+        rest = [one for one in self.singles if one != name and one not in elsewhere]
         wanted, found = CREDIBLE * self.holding([name, *rest]), [name]
         while rest and self.holding(found) < wanted:
             found.append(max(rest, key=lambda one: self.holding([*found, one])))
             rest.remove(found[-1])
-        return [name, *sorted(found[1:], key=lambda one: -self.holding([one]))]
+        chance = {one: self.holding([one]) for one in found}
+        others = sorted(found[1:], key=lambda one: -chance[one])
+        line = self.lines.get(name, frozenset({name}))
+        total = max(sum(chance.values()), np.finfo(float).tiny)
+        return CredibleSet(
+            members=(name, *(one for one in others if one in line)),
+            alternatives=tuple(one for one in others if one not in line),
+            probability=self.holding(line & set(found)),
+            set_probability=self.holding(found),
+            shares={one: own / total for one, own in chance.items()},
+        )
 
     def with_evidence(self, evidence: Mapping[Effects, float]) -> Posterior:
         """Return the posterior with other evidence for some sets."""
@@ -129,9 +165,8 @@ def posterior_of(problem: Problem, manners: Sequence[Manner]) -> Posterior:
     with Progress("linear pass over sets of effects, steps", 4) as progress:
         singles = {one.name: one for one in those_felt(weighed(problem, every, problem.candidates))}
         progress.advance(note="single effects")
-        tables, number, scale = _tables(
-            problem, Linear.of(problem.residual, problem.covariance, problem.candidates)
-        )
+        linear = Linear.of(problem.residual, problem.covariance, problem.candidates)
+        tables, number, scale = set_tables(linear)
         progress.advance(note="pairs and triples")
         sets = _believed(problem, number, scale, tables, len(singles))
         progress.advance(note="errors of their changes")
@@ -157,9 +192,9 @@ def with_unknown(problem: Problem, posterior: Posterior, manners: Sequence[Manne
     return replace(posterior, unknown=unknown).with_evidence(more)
 
 
-def _tables(problem: Problem, linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
+def set_tables(linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
     """Return by set of effects (names, mean evidence, best evidence, best choice), and the choices' candidate and scale."""
-    names = np.array([candidate.name for candidate in problem.candidates])
+    names = np.array([candidate.name for candidate in linear.candidates])
     felt = _felt(linear)
     number, scale = scales_of(linear)
     chosen = felt[number]
@@ -170,7 +205,7 @@ def _tables(problem: Problem, linear: Linear) -> tuple[list, np.ndarray, np.ndar
     singles = linear.log_bayes_factors(number[:, None], scale[:, None])
     found = _by_effects(own[:, None], np.arange(len(own))[:, None], singles)
     i, j = np.triu_indices(len(number), 1)
-    placed = np.array(["x_mm" in problem.candidates[k].shape for k in number])
+    placed = np.array(["x_mm" in linear.candidates[k].shape for k in number])
     other = (own[i] != own[j]) & ~(placed[i] & placed[j])
     i, j = i[other], j[other]
     if not len(i):

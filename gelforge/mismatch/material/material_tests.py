@@ -6,44 +6,33 @@ undeformed section, N/mm^2 = MPa, along z.
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import scipy
 
-import gelforge
 from gelforge.csv_table import TableError
 from gelforge.files import digest, file_sha256, write_text
 from gelforge.materials.readers.material_source import MaterialSource
-from gelforge.mismatch.material.contact_readings import ContactTest, pair_readings, press_readings
-from gelforge.mismatch.material.material_effects import stress_candidates
-from gelforge.mismatch.material.material_evidence import fitted, what_remains
-from gelforge.mismatch.material.material_readings import StressTests, stress_tests
-from gelforge.mismatch.material.material_search import chosen_steps, on_everything, patterns, with_pieces
-from gelforge.mismatch.material.material_words import (
-    effect_entries,
-    experiment_entries,
-    fit_entry,
-    group_entry,
-    limit_entries,
-    noise_entry,
-    not_entering,
-    pattern_words,
-    readings_table,
-    sentence_of,
-    where_entries,
-)
+from gelforge.mismatch.evidence.alternatives import NOTHING
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.goodness.scan import Atoms, GlobalTest, Scan, global_test, scan
+from gelforge.mismatch.material import material_words as words
+from gelforge.mismatch.material.contact_readings import pair_readings, press_readings
+from gelforge.mismatch.material.held_out import held_out_entry, patterns, pieces_of
+from gelforge.mismatch.material.material_effects import of_stress
+from gelforge.mismatch.material.material_models import Fitted, Tests, fitted, posterior_of
+from gelforge.mismatch.material.stress_readings import stress_tests
 from gelforge.mismatch.result import verdict as v
+from gelforge.mismatch.summary.findings import versions
 from gelforge.progress import stage
 
 SEED = 20261121
 DRAWS = 2000
-LEAST_ODDS = 10.0  # of an effect over what these tests cannot distinguish from it, where one of them is named
+LIKELY = 0.5
 
 
 @dataclass(frozen=True)
@@ -57,126 +46,124 @@ class Judged:
 
 def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judged], list[str]]:
     """Return the verdicts on a material: one on its stress tests, one per indentation and pair; and what was not judged."""
-    found, reasons = [], []
+    found, reasons, name = [], [], source.name
+    tests = list(source.tests)
+    tried = [(name, "stress tests", name, lambda: of_stress(stress_tests(tests)))] if tests else []
+    for press in source.small.presses:
+        sample = press.test.sample
+        tried.append((f"{name}-{sample}", "press", sample, partial(press_readings, press.test)))
+    for pair in source.small.force_pairs:
+        tried.append((f"{name}-{pair.sample}", "pair", pair.sample, partial(pair_readings, pair)))
     sources = {p.name: file_sha256(p) for p in source.files}
-    if source.tests:
+    for title, kind, sample, read in tried:
         try:
-            tests = stress_tests(list(source.tests))
-        except ValueError as error:
-            reasons.append(f"{source.name}: {error}")
-        else:
-            found.append(_judged(f"{source.name}", _of_stress(tests), "", sources, source.synthetic, seed))
-    contacts = [
-        (press.test.sample, partial(press_readings, press.test), "press") for press in source.small.presses
-    ]
-    contacts += [(pair.sample, partial(pair_readings, pair), "pair") for pair in source.small.force_pairs]
-    for sample, read, word in contacts:
-        try:
-            test = read()
+            read_tests = read()
         except ValueError as error:
             reasons.append(f"{sample}: {error}")
             continue
-        found.append(_judged(f"{source.name}-{sample}", test, word, sources, source.synthetic, seed))
+        found.append(_judged(title, read_tests, kind, sources, source.synthetic, seed))
     return found, reasons
 
 
-def _of_stress(tests: StressTests) -> ContactTest:
-    candidates, cannot = stress_candidates(tests)
-    readings = tests.readings
-    readings = replace(readings, cannot_know=(*readings.cannot_know, *cannot, _scatter_words(tests)))
-    return ContactTest(readings, tuple(candidates), tests.base_words, "stretch")
-
-
-def _scatter_words(tests: StressTests) -> str:
-    return (
-        f"specimens made alike are taken to scatter by {tests.sample_scatter:.1%} in stress: a factor of that size between"
-        " specimens, and an offset or a gain of a single test's force, cannot be distinguished from it and are no"
-        " physics here"
-    )
-
-
-def _judged(name, test: ContactTest, word, sources, synthetic, seed) -> Judged:
-    rng = np.random.default_rng(seed)
-    readings, held = with_pieces(test.readings, rng)
-    everything = np.ones(len(readings.measured), dtype=bool)
-    atoms = patterns(readings)
-    stage(f"{name}: a constitutive model, and what it leaves")
-    base = fitted(readings, (), everything)
-    total, where = what_remains(readings, base, atoms, rng, DRAWS)
+def _judged(name: str, tests: Tests, kind: str, sources, synthetic: bool, seed: int) -> Judged:
+    rng, readings = np.random.default_rng(seed), tests.readings
+    pieces, atoms = pieces_of(readings.table, rng), patterns(readings)
+    stage(f"{name}: what the nominal model leaves")
+    residual, covariance = readings.measured - readings.base, readings.covariance
+    total, where = _tests_of(residual, covariance, atoms, rng)
     differs = min(total.p, where.p) < v.ALARM_P
-    train = ~readings.table["piece"].isin(held).to_numpy()
-    readings = readings.with_form_error()
-    stage(f"{name}: effects, one after the other")
-    steps = chosen_steps(readings, test.candidates, train, differs)
-    accepted = steps[:-1]
-    stage(f"{name}: the chosen effects on all readings, and what they leave")
-    final = on_everything(readings, test.candidates, steps[-1].before.model)
-    left = what_remains(readings, final, atoms, rng, DRAWS) if final else None
-    fit = fit_entry(readings, base, final, steps, train, held)
-    groups = [group_entry(readings, s, test.no_signature) for s in accepted]
-    stage(f"{name}: detection limits")
-    limits = limit_entries(readings, test.candidates)
-    effects = effect_entries(readings, test, steps, accepted, final, groups)
-    adequacy = None
-    if left:
-        adequacy = v.Adequacy(p=left[0].p, scan_p=left[1].p, remains=pattern_words(left[1].best))
-    further = steps[-1].unconfirmed if accepted else []
-    state = _state(differs, groups, effects, fit, adequacy, limits, further)
-    answer = [] if state in ("consistent", "inconclusive") else groups
-    nothing = steps[0].probabilities(test.no_signature)["null"] if steps[0].tried else 1.0
-    after = final.prediction if answer and final else None
-    unit = "MPa" if test.at_unit == "stretch" else "N"
-    content = v.Verdict(
-        title=f"{name}: {word or 'stress tests'} against {test.base_words}",
+    stage(f"{name}: effects, alone and together")
+    erring = readings.with_form_error()
+    posterior, fits = posterior_of(erring, tests.changes)
+    mode = next(iter(posterior.ranked()), NOTHING)
+    answer, adequacy, after, held_out = None, None, None, None
+    if differs and mode and posterior.probability[NOTHING] < LIKELY:
+        stage(f"{name}: the most probable effects at their plausible values, and what they leave")
+        answer = fitted(erring, [_own(tests, change) for change in fits[mode].model])
+        left = readings.measured - answer.prediction
+        test, remains = _tests_of(left, answer.covariance, atoms, rng, answer)
+        adequacy = v.Adequacy(p=test.p, scan_p=remains.p, remains=words.pattern_words(remains.best))
+        after = _score(left, answer.covariance)
+        if len(pieces.held) >= 2:
+            held_out = held_out_entry(erring, answer, [*fits.values()], pieces)
+    groups = words.group_entries(posterior, mode) if answer else []
+    effects = words.effect_entries(tests, posterior, fits, mode, answer)
+    limits = words.limit_entries(tests)
+    state = _state(differs, groups, {e.name: e.in_range for e in effects}, adequacy, limits)
+    base = tests.base_words + "; stresses are forces on 1 mm2 of undeformed section" * (tests.unit == "MPa")
+    verdict = v.Verdict(
+        title=f"{name}: {kind} against {tests.base_words}",
         synthetic=synthetic,
         state=state,
-        sentence=sentence_of(name, test, state, answer, fit, adequacy, where, limits, final, unit, further),
+        sentence="-",
         mismatch=v.Mismatch(chi2=total.chi2, degrees=total.degrees, p=total.p, scan_p=where.p),
-        where=where_entries(where) if differs else [],
-        answer=answer,
+        where=_where(where) if differs else [],
+        answer=groups,
         effects=effects,
-        null_probability=nothing,
-        fit=fit if answer else fit.model_copy(update={"after": None}),
-        adequacy=adequacy if answer else None,
+        null_probability=posterior.probability[NOTHING],
+        fit=v.Fit(before=_score(residual, covariance), after=after, held_out=held_out),
+        adequacy=adequacy,
         detection_limits=limits,
-        noise=noise_entry(readings),
-        next_experiments=experiment_entries(state, answer, limits, further),
-        cannot_know=list(readings.cannot_know) + not_entering(test),
+        noise=words.noise_entry(readings),
+        next_experiments=words.experiment_entries(state, groups, limits),
+        cannot_know=list(readings.cannot_know),
         provenance=v.Provenance(
             sessions=sources,
-            base=test.base_words + ("; stresses are forces on 1 mm2 of undeformed section" if unit == "MPa" else ""),
+            base=base,
             base_sha256=digest([round(float(x), 12) for x in readings.base]),
             seed=seed,
             draws=DRAWS,
-            versions={
-                "gelforge": gelforge.__version__, "numpy": np.__version__, "scipy": scipy.__version__,
-                "python": platform.python_version(),
-            },
+            versions=versions(),
         ),
-    )  # fmt: skip
-    return Judged(name, content, readings_table(readings, after, held))
+    )
+    sentence = words.sentence_of(name, tests, verdict, where.best.name)
+    table = words.readings_table(readings, answer.prediction if answer else None, pieces.of_row, pieces.held)
+    return Judged(name, verdict.model_copy(update={"sentence": sentence}), table)
 
 
-def _state(differs, groups, effects, fit: v.Fit, adequacy, limits, further) -> v.State:
-    """Return the state; further: effects with evidence that were not taken, so the answer is not the whole of it."""
+def _own(tests: Tests, change):
+    """Return a change with the plausible values that its effect has, whatever scale of them had most evidence."""
+    return next(one for one in tests.changes if (one.name, one.shape) == (change.name, change.shape))
+
+
+def _tests_of(
+    left: np.ndarray,
+    covariance: Covariance,
+    atoms: Atoms,
+    rng: np.random.Generator,
+    fit: Fitted | None = None,
+) -> tuple[GlobalTest, Scan]:
+    """Return the global test of what is left (n,), and the scan over atoms, what was fitted taken out."""
+    columns = None if fit is None else fit.columns[:, fit.judged.amounts != 0]
+    found = scan(covariance.whiten(left), atoms.whitened(covariance, columns), rng, DRAWS)
+    return global_test(left, covariance, columns), found
+
+
+def _score(left: np.ndarray, covariance: Covariance) -> v.Score:
+    axis = pd.DataFrame({"axis": np.full(len(left), 2)})
+    return v.score(axis, left, np.ones(len(left), bool), covariance.log_density(left))
+
+
+def _where(found: Scan) -> list[v.Where]:
+    """Return the three strongest patterns of a scan."""
+    return [
+        v.Where(
+            words=words.pattern_words(one),
+            channel="nominal stress or force",
+            snr=one.snr,
+            p=None if k else found.p,
+        )
+        for k, one in enumerate(found.ranked[:3])
+    ]
+
+
+def _state(differs: bool, groups, in_range, adequacy, limits) -> v.State:
     if not differs:
         return "consistent" if any(limit.seen for limit in limits) else "inconclusive"
-    if not groups:
+    sure = [group for group in groups if group.probability >= v.SURE]
+    if adequacy is None or not adequacy.passed or not all(in_range[group.members[0]] for group in sure):
         return "unexplained"
-    by_name = {e.name: e for e in effects}
-    sound = (
-        all(g.probability >= v.SURE for g in groups)
-        and all(by_name[g.members[0]].in_range for g in groups)
-        and adequacy is not None
-        and adequacy.passed
-        and fit.held_out is not None
-        and fit.held_out.gain > v.HELD_OUT_ERRORS * fit.held_out.standard_error
-        and not further
-    )
-    if not sound:
-        return "unexplained"
-    leading = [g.shares[g.members[0]] for g in groups]
-    return "identified" if min(leading) >= LEAST_ODDS / (1 + LEAST_ODDS) else "ambiguous"
+    return "identified" if sure else "ambiguous"
 
 
 def write_judged(folder: Path, judged: Judged) -> None:

@@ -34,6 +34,16 @@ def never_solved(parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows
     raise NotImplementedError("this problem has columns only; give it forces_with to fit amounts")
 
 
+def at_first_order(problem: Problem) -> ForcesWith:
+    """Return the `forces_with` of a problem by its own linear changes."""
+
+    def forces(parts, amounts, rows):
+        shown = rows[:, None] & problem.observations.read
+        return np.where(shown, problem.base + problem.linear_change(parts, amounts), np.nan)
+
+    return forces
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A recording beside its base. Flat vectors have n entries: what was read of R readings x 3 axes."""

@@ -1,6 +1,6 @@
 """The article's own readings against its two curves, on a coarse mesh of its sensor and with a part of the catalogue.
 
-The rule paper_mismatch judges them on the study's own mesh, with all effects; what is tested here is what must hold of both.
+The command judges them on the study's own mesh, with all effects; what is tested here is what must hold of both.
 """
 
 from types import SimpleNamespace
@@ -18,7 +18,7 @@ from gelforge.mismatch.evidence.identifiability import next_experiment
 from gelforge.mismatch.evidence.screen import Candidate, screened
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.pipeline.experiments import again, survivor
-from gelforge.mismatch.pipeline.published import (
+from validation.checks.article import (
     CASES,
     NO_TIMES,
     judge_case,

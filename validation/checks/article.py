@@ -1,5 +1,9 @@
 """The article's own case: its force/torque readings against its two published curves and against our sites.
 
+usage: python -m validation.checks.article [--study config/paper.yaml] [--out results/paper_mismatch] [--workers 2]
+
+Writes summary.md, summary.csv and a folder with verdict and page for each nominal model. Six minutes of one core.
+
 Sferrazza et al. 2019 (doi 10.1109/ACCESS.2019.2956882), figure 6: Fz over eight depths at the centre and at the corner. A
 published curve is a base without cells: an effect that is another model of the indentation (a switch) replaces the curve
 by our sites with it; all others add what they change in our sites that follow the curve's own assumptions.
@@ -7,6 +11,7 @@ by our sites with it; all others add what they change in our sites that follow t
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,9 +19,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config import Study
+from gelforge.config import Study, load_study, study_from
+from gelforge.config.basis.variants import merged
 from gelforge.csv_table import read_csv
 from gelforge.files import digest, file_sha256, write_text
+from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Base, base_of, forces_with
@@ -24,7 +31,7 @@ from gelforge.mismatch.free_forms import asked_for, changes_of
 from gelforge.mismatch.inference.judge import Judgement, judge
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.pipeline.experiments import with_experiments
-from gelforge.mismatch.pipeline.stage import write_results
+from gelforge.mismatch.pipeline.stage import solver_of, write_results
 from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.result.verdict import SURE, NoiseCase, Provenance, Verdict
@@ -32,9 +39,11 @@ from gelforge.mismatch.summary.effect_entries import group_entries
 from gelforge.mismatch.summary.findings import verdict_of, versions
 from gelforge.mismatch.terms.body_map import BOX
 from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.terms.problem import Problem, at_first_order
+from gelforge.progress import show, tracked
+from gelforge.report.mismatch_page import write_mismatch_page
 
-TABLE = Path("data/paper/force_depth.csv")
+TABLE, STUDY = Path("data/paper/force_depth.csv"), Path("config/paper.yaml")
 SITES = {"center": (16.0, 16.0), "corner": (27.0, 27.0)}  # mm
 SIGMAS_N = (0.017, 0.02, 0.025, 0.03, 0.04, 0.05, 0.06)
 STATED_N = 0.06  # the article's resolution of Fz
@@ -208,22 +217,8 @@ def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCas
     )
 
 
-def at_first_order(problem: Problem):
-    """Return forces with effects by the problem's own linear changes."""
-
-    def forces(parts, amounts, rows):
-        shown = rows[:, None] & problem.observations.read
-        return np.where(shown, problem.base + problem.linear_change(parts, amounts), np.nan)
-
-    return forces
-
-
 def study_of(case: Case, study: Study) -> Study:
     """Return the study with a curve's own assumptions, for single indentations."""
-    from gelforge.config import study_from
-    from gelforge.config.basis.variants import merged
-    from gelforge.indentation.solving.sensitivities import unmirrored
-
     return unmirrored(study_from(merged(study.model_dump(mode="json"), case.changes)))
 
 
@@ -255,3 +250,26 @@ def write_summary(out: Path, verdicts: dict[str, Verdict]) -> None:
     write_text(out / "summary.csv", table.to_csv(index=False, float_format="%.4g"))
     sentences = "\n\n".join(f"**{v.title}**: {v.state}. {v.sentence}" for v in verdicts.values())
     write_text(out / "summary.md", sentences + "\n\n" + table.to_markdown(index=False, floatfmt=".3g") + "\n")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--study", type=Path, default=STUDY, help="the article's study")
+    parser.add_argument("--out", type=Path, default=Path("results/paper_mismatch"), help="folder to write")
+    parser.add_argument("--workers", type=int, default=1, help="indentations that are solved side by side")
+    asked = parser.parse_args()
+    show()
+    study, verdicts = load_study(asked.study), {}
+    solver = replace(solver_of(study, asked.out, [], None, asked.workers, []), cells=None, uncertain={})
+    for case in tracked(CASES, "cases judged"):
+        found = judge_case(case, replace(solver, study=study_of(case, study)), asked.out)
+        write_mismatch_page(asked.out / case.name)
+        print(f"{case.title}: {found.state}: {found.sentence}")
+        verdicts[case.name] = found
+    write_summary(asked.out, verdicts)
+
+
+if __name__ == "__main__":
+    main()

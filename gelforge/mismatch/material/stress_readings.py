@@ -1,0 +1,252 @@
+"""Stress tests beside the law of their fastest loading branch.
+
+The law is fitted to one loading of one sample. What another branch may differ by without any missing physics: the
+instrument, the zero of force and of strain, the law's own misfit and covariance, and that samples made alike differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, alike_groups
+from gelforge.materials.covariates.effects import NEGLIGIBLE, scatter_between
+from gelforge.materials.fitting.curves import mean_curves, monotonic_loading
+from gelforge.materials.plausibility.findings import STRAIN_AT_START
+from gelforge.mismatch.material.material_law import BaseLaw, base_law
+from gelforge.mismatch.material.material_readings import (
+    FORCE_CLASS,
+    Readings,
+    binned,
+    means,
+    misfit_covariance,
+    row_noise,
+)
+
+KINDS = ("uniaxial", "compression", "pure_shear", "equibiaxial", "simple_shear")  # one stress for one stretch
+MOST_ROWS = 600  # in all; the covariance is dense
+ROWS_OF_BRANCH = (4, 24)
+ZERO_STRAIN = STRAIN_AT_START  # slack that a test may begin with
+SAMPLES = NEGLIGIBLE, 2  # scatter of samples of one sheet, weighed as so many repeats beside those measured
+BEYOND = 1.1  # of the range that the law was fitted in: what lies farther is not judged
+
+
+@dataclass(frozen=True)
+class Path:
+    """One test along its time: m rows up to where it leaves the range of the law, and which rows make a reading."""
+
+    test: MaterialTest
+    time_s: np.ndarray  # (m,)
+    stress: np.ndarray  # (m,) [MPa] of the base law
+    slope: np.ndarray  # (m,) [MPa] of the same over strain
+    strain: np.ndarray  # (m,) distance from rest, positive
+    branches: tuple[tuple[int, np.ndarray], ...]  # number of the segment, and rows averaged into one reading
+    started_s: float  # when it left rest
+
+    def reduced(self, values: np.ndarray) -> np.ndarray:
+        """Return values (m, ...) averaged into readings (k, ...)."""
+        return means([rows for _, rows in self.branches], values)
+
+
+@dataclass(frozen=True)
+class StressTests:
+    """The readings of one material's stress tests, and what changes need to know of their histories."""
+
+    readings: Readings
+    paths: tuple[Path, ...]
+    bases: dict[str, MaterialTest]  # by kind of test: whose fastest loading the law is fitted to
+    base_words: str
+
+    def reach(self, kind: str) -> float:
+        """Return the range of strain of a kind's nominal loading."""
+        return _reach(self.bases[kind])
+
+
+def stress_tests(tests: list[MaterialTest]) -> StressTests:
+    """Return the readings of stress tests beside their base laws; raises ValueError (FitError) where there is none."""
+    usable = [t for t in tests if t.test in KINDS and t.cauchy_difference is None]
+    said = [f"{t.sample}: tests of kind {t.test} are not judged" for t in tests if t.test not in KINDS]
+    timed = [t for t in usable if t.time_s is not None or t.rate_per_s]
+    said += [
+        f"{t.sample}: neither time nor rate is stated, so it is not known where it belongs; left out"
+        for t in usable
+        if t not in timed
+    ]
+    bases, laws = {}, {}
+    for kind in dict.fromkeys(t.test for t in timed):
+        loading = fastest_loading([t for t in timed if t.test == kind])
+        if loading is None:
+            said.append(f"{kind}: no loading to fit a constitutive model to; not judged")
+            continue
+        bases[kind] = loading
+        laws[kind] = base_law(mean_curves(monotonic_loading([loading])[0]), kind)
+    if not laws:
+        raise ValueError(
+            f"{'; '.join(said) or 'no stress test'}: a nominal model needs a loading with a time or a rate"
+        )
+    paths = _paths([t for t in timed if t.test in laws], laws, bases)
+    scatter = _scatter(timed)
+    said += [
+        *_assumed(paths),
+        f"specimens made alike are taken to scatter by {scatter:.1%} in stress: a factor of that size between"
+        " specimens, and an offset or a gain of a single test's force, cannot be distinguished from it and are no"
+        " physics here",
+    ]
+    readings = _readings(paths, laws, bases, scatter, tuple(said))
+    words = (
+        f"{laws[kind].title} fitted to the loading of specimen {t.sample} ({kind.replace('_', ' ')}) at"
+        f" {t.rate_per_s:.3g} 1/s"
+        for kind, t in bases.items()
+    )
+    return StressTests(readings, tuple(paths), bases, " and ".join(words))
+
+
+def fastest_loading(tests: list[MaterialTest]) -> MaterialTest | None:
+    """Return the test whose loading was the fastest; of rates alike the least treated, youngest, farthest strained."""
+    loading = [t for t in tests if t.rate_per_s and t.cycle in (None, 1) and _loads(t)]
+    loading = [t for t in loading if len(monotonic_loading([t])[0])]
+    rates = [float(t.rate_per_s or 0.0) for t in loading]
+    alike = [t for t, rate in zip(loading, rates) if np.log10(max(rates) / rate) <= CIRCUMSTANCES[0].alike]
+    return min(
+        alike, key=lambda t: (t.dose or 0.0, t.age_days or 0.0, -_reach(t), t.sample), default=None
+    )  # fmt: skip
+
+
+def _loads(test: MaterialTest) -> bool:
+    return any(s.kind == "load" for s in test.segments)
+
+
+def _reach(test: MaterialTest) -> float:
+    return float(np.abs(test.stretch - test.at_rest).max())
+
+
+def _away(test: MaterialTest) -> float:
+    """Return the sign of the strain: stress and strain are positive in what follows, in compression too."""
+    return float(np.sign(test.stretch[np.argmax(np.abs(test.stretch - test.at_rest))] - test.at_rest)) or 1.0
+
+
+def _paths(tests, laws: dict[str, BaseLaw], bases) -> list[Path]:
+    kept = []
+    for test in tests:
+        away, reach = _away(test), max(abs(end - test.at_rest) for end in laws[test.test].valid)
+        strain = away * (test.stretch - test.at_rest)
+        inside = (strain <= BEYOND * reach) & np.isfinite(test.nominal_stress)
+        m = len(inside) if inside.all() else int(np.argmin(inside))
+        if m >= 2 and away == _away(bases[test.test]):
+            kept.append((test, m))
+    segments = sum(sum(s.start < m - 1 for s in t.segments) for t, m in kept)
+    count = int(np.clip(MOST_ROWS // max(segments, 1), *ROWS_OF_BRANCH))
+    return [_path(t, m, laws[t.test], count) for t, m in kept]
+
+
+def _path(test: MaterialTest, m: int, law: BaseLaw, count: int) -> Path:
+    away, stretch, step = _away(test), test.stretch[:m], 1e-4
+    strain = away * (stretch - test.at_rest)
+    if test.time_s is not None:
+        time = np.asarray(test.time_s[:m], dtype=float)
+    else:
+        time = np.r_[0, np.cumsum(np.abs(np.diff(strain)))] / test.rate_per_s
+    held = test.history == "relaxation" and test.segments and test.segments[0].kind == "hold"
+    before = 0.0 if held or not test.rate_per_s else max(strain[0], 0.0) / test.rate_per_s
+    branches = []
+    for number, segment in enumerate(test.segments):
+        rows = np.arange(segment.start, min(segment.stop, m))
+        if len(rows) >= 2:
+            x = _log_time(time[rows]) if segment.kind == "hold" else strain[rows]
+            branches += [(number, group) for group in binned(x, rows, count)]
+    stress = law.stress(stretch)[0]
+    slope = away * (stress - law.stress(stretch - away * step)[0]) / step
+    started = min(0.0, time[0]) if held else time[0] - before
+    return Path(test, time, away * stress, slope, strain, tuple(branches), float(started))
+
+
+def _log_time(time: np.ndarray) -> np.ndarray:
+    since = time - time[0]
+    return np.log(np.maximum(since, since[since > 0].min(initial=since[-1] + 1e-9)))
+
+
+def _assumed(paths: list[Path]) -> list[str]:
+    by_rate = [p.test.sample for p in paths if p.test.time_s is None]
+    cut = [p.test.sample for p in paths if len(p.time_s) < len(p.test.stretch)]
+    said = (
+        (by_rate, "no time is recorded; unloading is taken to have gone at the stated rate of loading, and holds between"
+         " them cannot be seen"),
+        (cut, "not judged from where the strain leaves the range in which the nominal model was fitted"),
+    )  # fmt: skip
+    return [f"{', '.join(samples)}: {text}" for samples, text in said if samples]
+
+
+def _scatter(tests: list[MaterialTest]) -> float:
+    """Return the standard deviation of a sample's factor: repeats where there are some, shrunk to what sheets scatter by."""
+    usual, repeats = SAMPLES
+    groups = [g for g in alike_groups([t for t in tests if _loads(t)]) if len(g) > 1]
+    try:
+        found = scatter_between(groups)
+    except ValueError:
+        return usual
+    squares = found.freedom * found.deviation**2 + repeats * usual**2
+    return float(np.sqrt(squares / (found.freedom + repeats)))
+
+
+def _readings(paths: list[Path], laws, bases, scatter: float, said: tuple[str, ...]) -> Readings:
+    """Return the readings with the covariance of what a prediction errs by (see Readings)."""
+    table = pd.concat([_rows(number, p, bases) for number, p in enumerate(paths)], ignore_index=True)
+    table["segment"] = table.groupby(["path", "part"], sort=False).ngroup()
+
+    def all_of(values):
+        return np.concatenate([p.reduced(values(p)) for p in paths])
+
+    measured = all_of(lambda p: p.test.nominal_stress[: len(p.time_s)] * _away(p.test))
+    base, slope = all_of(lambda p: p.stress), all_of(lambda p: p.slope)
+    number, share = table["path"].to_numpy(), table["share"].to_numpy()
+    same = number[:, None] == number
+    force = FORCE_CLASS * np.array([np.abs(measured[number == k]).max() for k in range(len(paths))])[number]
+    count = np.concatenate([[len(rows) for _, rows in p.branches] for p in paths])
+    rows = np.array([row_noise(p.test.nominal_stress[: len(p.time_s)]) for p in paths])
+    noise = np.hypot(rows[number] / np.sqrt(count), force)
+    # errors of a sample, of its strain and of the law are shares of the stress that is there, however much of it relaxed
+    law = np.zeros((len(base), len(base)))
+    for kind, fit in laws.items():
+        here = (table["test"] == kind).to_numpy()
+        own = here & table["is_base"].to_numpy()
+        misfit = float(np.sqrt(np.mean((measured - base)[own] ** 2)))
+        # beyond its range the polynomial's errors are not the law's
+        J = fit.stress(np.clip(table["at"][here].to_numpy(), *fit.valid))[1]
+        law[np.ix_(here, here)] = J @ fit.covariance @ J.T + misfit_covariance(share[here], misfit)
+    sample = pd.factorize(table["sample"])[0]
+    other = ~table["sample"].isin([t.sample for t in bases.values()]).to_numpy()
+    # both samples are drawn: other and base
+    together = np.outer(other, other) * ((sample[:, None] == sample) + 1.0)
+    shared = law + ZERO_STRAIN**2 * np.outer(slope, slope) * same
+    for pattern, size in ((base, scatter), (base * (2 * share - 1), scatter / 2)):
+        shared += size**2 * np.outer(pattern, pattern) * together
+    return Readings(
+        table, measured, base, np.diag(noise**2) + force**2 * same, noise, np.sqrt(np.diag(law)),
+        FORCE_CLASS * float(np.abs(measured).max()), said, (table["test"] == "compression").to_numpy(), shared,
+    )  # fmt: skip
+
+
+def _rows(number: int, path: Path, bases) -> pd.DataFrame:
+    test, base = path.test, bases[path.test.test]
+    kinds = [s.kind for s in test.segments]
+    first_unload = kinds.index("unload") if "unload" in kinds else len(kinds)
+    part = np.array([k for k, _ in path.branches], dtype=int)
+    branch = np.array(kinds)[part]
+    table = pd.DataFrame(
+        {
+            "path": number,
+            "test": test.test,
+            "sample": test.sample,
+            "part": part,
+            "branch": branch,
+            "at": path.reduced(test.stretch[: len(path.time_s)]),
+            "share": path.reduced(path.strain) / _reach(base),
+            "time_s": path.reduced(path.time_s),
+            "is_base": (test is base) & (branch == "load") & (part < first_unload),
+        }
+    )
+    along, sizes = table.groupby("part").cumcount(), table.groupby("part")["part"].transform("size")
+    return table.assign(progress=(along / (sizes - 1).clip(lower=1)).to_numpy())
