@@ -34,9 +34,9 @@ from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.pipeline.stage import solver_of, write_results
 from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
-from gelforge.mismatch.result.verdict import SURE, NoiseCase, Provenance, Verdict
+from gelforge.mismatch.result.verdict import SURE, NoiseCase, Provenance, Verdict, versions
 from gelforge.mismatch.summary.effect_entries import group_entries
-from gelforge.mismatch.summary.findings import verdict_of, versions
+from gelforge.mismatch.summary.findings import verdict_of
 from gelforge.mismatch.terms.body_map import BOX
 from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
 from gelforge.mismatch.terms.problem import Problem, at_first_order

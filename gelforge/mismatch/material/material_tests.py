@@ -27,7 +27,6 @@ from gelforge.mismatch.material.material_effects import of_stress
 from gelforge.mismatch.material.material_models import Fitted, Tests, fitted, posterior_of
 from gelforge.mismatch.material.stress_readings import stress_tests
 from gelforge.mismatch.result import verdict as v
-from gelforge.mismatch.summary.findings import versions
 from gelforge.progress import stage
 
 SEED = 20261121
@@ -113,7 +112,7 @@ def _judged(name: str, tests: Tests, kind: str, sources, synthetic: bool, seed: 
             base_sha256=digest([round(float(x), 12) for x in readings.base]),
             seed=seed,
             draws=DRAWS,
-            versions=versions(),
+            versions=v.versions(),
         ),
     )
     sentence = words.sentence_of(name, tests, verdict, where.best.name)

@@ -16,7 +16,7 @@ from gelforge.mismatch.inference.posterior import Effects, Posterior
 from gelforge.mismatch.material.material_models import Fitted, Tests
 from gelforge.mismatch.material.material_readings import Readings
 from gelforge.mismatch.result import verdict as v
-from gelforge.mismatch.summary.effect_entries import value_entries
+from gelforge.mismatch.result.values import value_entries
 
 # Of each effect: what it is, and the experiment that decides.
 TEXTS = {

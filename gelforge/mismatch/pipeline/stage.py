@@ -30,7 +30,7 @@ from gelforge.mismatch.pipeline.patch import patch_of
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import DEPTH_DIGITS
 from gelforge.mismatch.readings.sessions import observe, read_all, session_folders
-from gelforge.mismatch.result.verdict import PATCH, Provenance, Verdict, write_verdict
+from gelforge.mismatch.result.verdict import PATCH, Provenance, Verdict, versions, write_verdict
 from gelforge.mismatch.result.verdict_tables import (
     BODY_MAP,
     CORRECTION,
@@ -41,7 +41,7 @@ from gelforge.mismatch.result.verdict_tables import (
     limits_table,
     write_tables,
 )
-from gelforge.mismatch.summary.findings import limits_of, readings_table, taken_over, verdict_of, versions
+from gelforge.mismatch.summary.findings import limits_of, readings_table, taken_over, verdict_of
 from gelforge.mismatch.summary.flow_section import after_of, flow_section, flow_table
 from gelforge.mismatch.summary.model_section import correction_table
 from gelforge.mismatch.terms.body_map import BOX, body_map

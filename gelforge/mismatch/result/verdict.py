@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -498,6 +499,11 @@ class Verdict(Section):
                 f"identified, but what remains is not noise (adequacy p > {LEFT_P:g} is needed): unexplained"
             )
         return ""
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that decide the numbers."""
+    return {name: version(name) for name in ("gelforge", "numpy", "scipy", "pandas")}
 
 
 def schema() -> dict[str, Any]:

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
 
 from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, effects_of
 from gelforge.mismatch.evidence.identifiability import profile
 from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.inference.answer import Answer, Group
 from gelforge.mismatch.inference.judge import Judgement
-from gelforge.mismatch.model.effect import Parameter
 from gelforge.mismatch.result import verdict as form
+from gelforge.mismatch.result.values import value_entries
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted
 
-NINETY = float(norm.ppf(0.95))
 NEGLIGIBLE = 0.1  # probability of a credible set, below which it is not reported
 PROFILE_SD, PROFILE_POINTS = 4.0, 33
 
@@ -170,33 +168,6 @@ def _profiled(problem: Problem, answer: Answer, effect: form.NamedEffect) -> for
         values = profile(offset, covariance, judged, k, grid)
         found.append(amount.model_copy(update={"profile": list(zip(grid.tolist(), values.tolist()))}))
     return effect.model_copy(update={"amounts": found})
-
-
-def interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
-    """Return the 90 % interval of a value, within its physical range."""
-    low, high = parameter.bounds
-    low, high = (
-        (max(low, 0.0) if parameter.sign > 0 else low),
-        (min(high, 0.0) if parameter.sign < 0 else high),
-    )
-    return tuple(np.clip([a - NINETY * sd, a + NINETY * sd], low, high).tolist())
-
-
-def value_entries(
-    parameters: Sequence[Parameter], amounts: np.ndarray, spread: np.ndarray
-) -> list[form.Amount]:
-    """Return amounts (p,) of covariance (p, p) with their 90 % intervals."""
-    sd = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    return [
-        form.Amount(
-            name=p.name,
-            unit=p.unit,
-            value=float(a),
-            interval_90=interval(p, float(a), float(s)),
-            bounds=p.bounds if np.isfinite(p.bounds).all() else None,
-        )
-        for p, a, s in zip(parameters, amounts, sd)
-    ]
 
 
 def _effect(problem: Problem, one: Found, chance: float, group: Group | None) -> form.NamedEffect:

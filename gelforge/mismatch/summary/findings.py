@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.metadata import version
 
 import numpy as np
 import pandas as pd
@@ -290,11 +289,6 @@ def _layers(sensor: Sensor | None) -> list[form.Layer]:
         layers.append(form.Layer(name=layer.name, z_mm=(z, z + layer.thickness_mm)))
         z += layer.thickness_mm
     return layers
-
-
-def versions() -> dict[str, str]:
-    """Return the versions that decide the numbers."""
-    return {name: version(name) for name in ("gelforge", "numpy", "scipy", "pandas")}
 
 
 def taken_over(judgement: Judgement) -> bool:
