@@ -35,10 +35,11 @@ import other_images  # noqa: E402
 import transfer  # noqa: E402
 from force_errors import force_errors  # noqa: E402
 
+from gelforge.cli.model.learning import inverse_elasticity  # noqa: E402
 from gelforge.config import Learning, Study, load_study, load_virtual_lab  # noqa: E402
 from gelforge.dataset.shard import ShardDataset  # noqa: E402
 from gelforge.learning.basis.data import FEATURE, LABEL, measure_scaling, training_and_validation  # noqa: E402
-from gelforge.learning.judging.baselines import fit_baselines  # noqa: E402
+from gelforge.learning.judging.baselines import fit_baselines, fit_inverse  # noqa: E402
 
 Predict = Callable[[np.ndarray], np.ndarray]  # features (n, 2 m) -> forces of bins (n, B, 3) [N]
 KEPT = Path("results/simulated/trained")  # networks, by what decides them; `transfer.py` keeps its own there
@@ -106,6 +107,13 @@ def baseline(task: Task, seed: int, name: str) -> Predict:
     )
 
 
+def inverse(task: Task, seed: int) -> Predict:
+    """Return inverse elasticity with the gain and zeros that the rows which watch give."""
+    rows, _, validation = task.split(seed)
+    found = inverse_elasticity(task.study, task.shards)
+    return fit_inverse(rows, validation, found, task.grid, seed).predict
+
+
 def mean_label(task: Task, seed: int) -> Predict:
     mean = task.learnt_from(seed)[0].label.mean(axis=0)
     return lambda feature: np.broadcast_to(mean, (len(feature), *mean.shape))
@@ -119,12 +127,15 @@ def entry(name: str) -> Callable[[Task, int], Predict]:
         return partial(network, learning={"network": name})
     if name in BASELINES:
         return partial(baseline, name=name)
+    if name == "inverse elasticity":
+        return inverse
     if name == "mean":
         return mean_label
     module, colon, function = name.partition(":")
     if not colon:
         raise SystemExit(
-            f"no entry {name!r}; give study, unet, unet_inverse, cnn, mean, {', '.join(BASELINES)} or module:function"
+            f"no entry {name!r}; give study, unet, unet_inverse, cnn, inverse elasticity, {', '.join(BASELINES)}, mean or "
+            "module:function"
         )
     return getattr(import_module(module), function)
 
@@ -219,9 +230,7 @@ def main() -> None:
     parser.add_argument(
         "--data", type=Path, default=Path("data/benchmark"), help="with the virtual lab's truth"
     )
-    parser.add_argument(
-        "--entries", nargs="+", default=["study", "kernel ridge", "ridge", "nearest neighbours", "mean"]
-    )
+    parser.add_argument("--entries", nargs="+", default=["study", "inverse elasticity", *BASELINES, "mean"])
     parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS))
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--out", type=Path, default=Path("results/challenge.csv"))
