@@ -1,10 +1,12 @@
 """The public benchmark: networks, baselines and anybody's own on fixed splits by orbit, sensor, shape, shear and camera.
 
 usage: python benchmarks/challenge.py [--recorded results/benchmark] [--simulated results/simulated] [--data data/benchmark]
-           [--entries unet "kernel ridge" my_module:fit ...] [--tasks orbit sensor ...] [--seeds 1 2 3]
-       (after `snakemake --cores 2` and `snakemake --cores 2 --configfile config/simulated.yaml`; one thread)
+           [--entries study unet "kernel ridge" my_module:fit ...] [--tasks orbit sensor ...] [--seeds 1 2 3]
+       (one thread; after `snakemake` with config/benchmark.yaml and config/simulated.yaml; networks are kept in
+       results/simulated/trained, where `transfer.py` keeps its own)
 
-All data is SYNTHETIC. An entry of your own is a function fit(task, seed) -> predict; docs/learning.md says what it gets.
+All data is SYNTHETIC. `study` is the network of the task's own study: `unet`, or `unet_inverse` in simulation. An entry of
+your own is a function fit(task, seed) -> predict; docs/learning.md says what it gets.
 Prints a Markdown table for each task, medians over seeds, and writes all of them to --out as CSV.
 """
 
@@ -17,7 +19,6 @@ for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 
 import argparse  # noqa: E402
 import sys  # noqa: E402
-import tempfile  # noqa: E402
 from collections.abc import Callable, Iterator  # noqa: E402
 from dataclasses import dataclass  # noqa: E402
 from functools import cached_property, partial  # noqa: E402
@@ -38,11 +39,10 @@ from gelforge.cli.model.learning import inverse_elasticity  # noqa: E402
 from gelforge.config import Learning, Study, load_study, load_virtual_lab  # noqa: E402
 from gelforge.dataset.shard import ShardDataset  # noqa: E402
 from gelforge.learning.basis.data import FEATURE, LABEL, measure_scaling, training_and_validation  # noqa: E402
-from gelforge.learning.judging.baselines import fit_baselines  # noqa: E402
-from gelforge.learning.models.model_file import load_model  # noqa: E402
-from gelforge.learning.training.train import Run, train  # noqa: E402
+from gelforge.learning.judging.baselines import fit_baselines, fit_inverse  # noqa: E402
 
 Predict = Callable[[np.ndarray], np.ndarray]  # features (n, 2 m) -> forces of bins (n, B, 3) [N]
+KEPT = Path("results/simulated/trained")  # networks, by what decides them; `transfer.py` keeps its own there
 BASELINES = ("ridge", "kernel ridge", "nearest neighbours")
 COLUMNS = (FEATURE, LABEL, "cell", "press", "session", "untouched")
 
@@ -93,12 +93,8 @@ def read(rows: ShardDataset, index: np.ndarray) -> Rows:
 
 def network(task: Task, seed: int, learning: dict) -> Predict:
     described = Learning(**task.study.learning.model_dump(exclude_unset=True) | learning)
-    study = task.study.model_copy(update={"seed": seed, "learning": described})
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder)
-        inverse = inverse_elasticity(study, task.shards)
-        train(study, task.shards, out / "model.pt", out / "loss.csv", Run(threads=1), inverse)
-        return load_model(out / "model.pt").predict
+    study = task.study.model_copy(update={"learning": described})
+    return transfer.trained(study, task.shards, seed, KEPT).predict
 
 
 def baseline(task: Task, seed: int, name: str) -> Predict:
@@ -111,6 +107,13 @@ def baseline(task: Task, seed: int, name: str) -> Predict:
     )
 
 
+def inverse(task: Task, seed: int) -> Predict:
+    """Return inverse elasticity with the gain and zeros that the rows which watch give."""
+    rows, _, validation = task.split(seed)
+    found = inverse_elasticity(task.study, task.shards)
+    return fit_inverse(rows, validation, found, task.grid, seed).predict
+
+
 def mean_label(task: Task, seed: int) -> Predict:
     mean = task.learnt_from(seed)[0].label.mean(axis=0)
     return lambda feature: np.broadcast_to(mean, (len(feature), *mean.shape))
@@ -118,16 +121,21 @@ def mean_label(task: Task, seed: int) -> Predict:
 
 def entry(name: str) -> Callable[[Task, int], Predict]:
     """Return the entry of a name: a network, a baseline, or module:function of anybody's own."""
+    if name == "study":
+        return partial(network, learning={})
     if name in ("unet", "unet_inverse", "cnn"):
         return partial(network, learning={"network": name})
     if name in BASELINES:
         return partial(baseline, name=name)
+    if name == "inverse elasticity":
+        return inverse
     if name == "mean":
         return mean_label
     module, colon, function = name.partition(":")
     if not colon:
         raise SystemExit(
-            f"no entry {name!r}; give unet, unet_inverse, cnn, mean, {', '.join(BASELINES)} or module:function"
+            f"no entry {name!r}; give study, unet, unet_inverse, cnn, inverse elasticity, {', '.join(BASELINES)}, mean or "
+            "module:function"
         )
     return getattr(import_module(module), function)
 
@@ -222,9 +230,7 @@ def main() -> None:
     parser.add_argument(
         "--data", type=Path, default=Path("data/benchmark"), help="with the virtual lab's truth"
     )
-    parser.add_argument(
-        "--entries", nargs="+", default=["unet", "kernel ridge", "ridge", "nearest neighbours", "mean"]
-    )
+    parser.add_argument("--entries", nargs="+", default=["study", "inverse elasticity", *BASELINES, "mean"])
     parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS))
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--out", type=Path, default=Path("results/challenge.csv"))

@@ -60,6 +60,9 @@ class MovedPresses:
         self._symmetric = study.sensor_has_symmetry_of_square
         self._field = cache(lambda number: self.frame.field(self.cells[number]))
         self._base = cache(self._straight_press)
+        self._push_at_source = cache(
+            lambda number, step: self._push(self._source(number), self._depth(number, step))
+        )
 
     def draw(self, rng: np.random.Generator) -> DrawnPress:
         """Return a drawn step of a drawn path, moved and turned."""
@@ -100,17 +103,17 @@ class MovedPresses:
     def _press(self, number: int, step: int, place: np.ndarray, matrix: np.ndarray, at_source) -> DrawnPress:
         """Return a step about a place, turned by a matrix (2, 2); at_source: particles to grid coordinates of its field."""
         cell, forces = self.cells[number], self._forces[number]
-        depth, phase = float(cell.arrays["depth_mm"][step]), str(cell.attributes["phases"][step])
+        depth, phase = self._depth(number, step), str(cell.attributes["phases"][step])
         one = NodalForces(forces.offset_mm, forces.half_mm, forces.force_N[[step]]).turned(matrix)
         field, here, source = self._field(number)[step], None, self._source(number)
         if self.straight and self.straight.reaches(place, depth) and self.straight.reaches(source, depth):
-            base, base_field = self._base(number, step)
             if self.own[number]:
+                base, base_field = self._base(number, step)
                 here = self.straight.at(place, depth)
                 field = field - base_field
                 one = merged([(1.0, one), (-1.0, base.turned(matrix)), (1.0, here.forces)])
             else:
-                one = merged([(self._push(self.straight.state(place, depth)[0]) / self._push(base), one)])
+                one = merged([(self._push(place, depth) / self._push_at_source(number, step), one)])
 
         def moved(particles: np.ndarray) -> np.ndarray:
             shift = displaced(field, at_source(particles))
@@ -122,11 +125,15 @@ class MovedPresses:
     def _straight_press(self, number: int, step: int) -> tuple[NodalForces, np.ndarray]:
         """Return the straight press of the study's own indenter where a path was solved, as deep as its step."""
         assert self.straight is not None
-        return self.straight.state(self._source(number), float(self.cells[number].arrays["depth_mm"][step]))
+        return self.straight.state(self._source(number), self._depth(number, step))
 
-    @staticmethod
-    def _push(forces: NodalForces) -> float:
-        return float(forces.force_N[0, :, [2, 5]].sum())
+    def _push(self, place: np.ndarray, depth: float) -> float:
+        """Return the vertical force [N] of the straight press of the study's own indenter."""
+        assert self.straight is not None
+        return float(self.straight.force(place, depth).force_N[0, :, [2, 5]].sum())
+
+    def _depth(self, number: int, step: int) -> float:
+        return float(self.cells[number].arrays["depth_mm"][step])
 
     def _source(self, number: int) -> np.ndarray:
         return np.array([self.cells[number].attributes["x_mm"], self.cells[number].attributes["y_mm"]])

@@ -102,6 +102,18 @@ class StraightPresses:
         ValueError
             If place or depth lie outside the solved ones.
         """
+        back, pairs, loaded = self._between(place, depth, without)
+        return self._nodes(depth, pairs, loaded).mirrored(back), turned_field(
+            back, self._field(pairs, loaded)
+        )
+
+    def force(self, place: np.ndarray, depth: float) -> NodalForces:
+        """Return the nodal forces of `state` alone; the field is most of its work."""
+        back, pairs, loaded = self._between(place, depth)
+        return self._nodes(depth, pairs, loaded).mirrored(back)
+
+    def _between(self, place: np.ndarray, depth: float, without: int | None = None) -> tuple[str, list, list]:
+        """Return what carries the first octant to the place, and the weighted sites and depths around its image there."""
         if not self.reaches(place, depth):
             raise ValueError(
                 f"place {place.tolist()} mm and depth {depth:g} mm lie outside the solved {self.low.tolist()} to "
@@ -116,10 +128,7 @@ class StraightPresses:
         pairs = [(int(k), float(w)) for k, w in zip(chosen, weights) if abs(w) > SMALL]
         numbers, along = depth_weights(self.depths, min(depth, self.depths[-1]))
         loaded = [(n, float(w)) for n, w in zip(numbers, along) if n > 0]  # nothing moves at depth zero
-        back = inverse(turn)
-        return self._nodes(depth, pairs, loaded).mirrored(back), turned_field(
-            back, self._field(pairs, loaded)
-        )
+        return inverse(turn), pairs, loaded
 
     def _to_first_octant(self, place: np.ndarray) -> str:
         if not self.symmetric:

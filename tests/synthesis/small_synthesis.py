@@ -1,7 +1,11 @@
 """A small study with a simulated training set on a coarse mesh."""
 
+import numpy as np
+
 from gelforge.config import study_from
+from gelforge.indentation.cells.cell_file import Cell
 from gelforge.mechanics.laws.models.ogden import Ogden
+from gelforge.virtual_lab.particles import interpolation
 
 LAWS = {"soft": Ogden((0.01,), (2.0,))}
 CAMERA = {
@@ -31,3 +35,14 @@ def study_of(**synthesis):
             "synthesis": settings | synthesis,
         }
     )
+
+
+def place_of(cell: Cell) -> np.ndarray:
+    """Return where a solved press touches (2,) [mm]."""
+    return np.array([cell.attributes["x_mm"], cell.attributes["y_mm"]])
+
+
+def motion(cell: Cell, step: int, particles: np.ndarray) -> np.ndarray:
+    """Return the displacement (n, 3) [mm] of particles (n, 3) at a step of a solved press, by its elements."""
+    weights = interpolation(cell.arrays["gel_node_mm"], cell.arrays["gel_hex"], particles)
+    return weights @ cell.arrays["gel_displacement_mm"][step].astype(float)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_synthesis import LAWS, study_of
+from small_synthesis import LAWS, motion, place_of, study_of
 
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.sensor.symmetry import D4, transform_bins, transform_points, transform_vectors
@@ -13,7 +13,7 @@ from gelforge.synthesis.frame import MovingFrame, displaced, turned_field
 from gelforge.synthesis.moved import MovedPresses
 from gelforge.synthesis.rows import solve
 from gelforge.synthesis.straight import StraightPresses
-from gelforge.virtual_lab.particles import VirtualLabError, interpolation, place_particles
+from gelforge.virtual_lab.particles import VirtualLabError, place_particles
 
 STUDY = study_of(
     sites=4, paths=1, sheared=1.0, unloaded=0.0, depth_mm=[1.0, 1.2], shapes={"edge": 0, "pair": 0}
@@ -33,15 +33,6 @@ def solved():
 @pytest.fixture(scope="module")
 def straight(solved):
     return StraightPresses(STUDY, solved[:-1])
-
-
-def motion(cell: Cell, step: int) -> np.ndarray:
-    weights = interpolation(cell.arrays["gel_node_mm"], cell.arrays["gel_hex"], PARTICLES)
-    return weights @ cell.arrays["gel_displacement_mm"][step].astype(float)
-
-
-def place_of(cell: Cell) -> np.ndarray:
-    return np.array([cell.attributes["x_mm"], cell.attributes["y_mm"]])
 
 
 @pytest.mark.parametrize("at", [[3.0, 3.0], [9.0, 20.5], [16.0, 16.0]])
@@ -82,7 +73,7 @@ def test_a_press_at_a_solved_site_is_the_solved_one(straight, solved):
             np.abs(press.bins(SENSOR) - cell.arrays["bin_force_N"][step]).max()
             < SPREAD * np.abs(press.bins(SENSOR)).max()
         )
-        true = motion(cell, step)
+        true = motion(cell, step, PARTICLES)
         away = np.abs(press.moved(PARTICLES) - true).max()
         assert away < 0.03 * np.abs(true).max()  # elements of 1.2 mm and grid lines differ
 
@@ -116,7 +107,7 @@ def test_a_depth_between_solved_ones_is_that_of_its_own_solution(straight):
     assert press.bins(SENSOR).sum(axis=0)[2] == pytest.approx(
         cell.arrays["total_force_N"][1, 2], rel=0.02
     )  # of the mesh
-    true = motion(cell, 1)
+    true = motion(cell, 1, PARTICLES)
     assert np.abs(press.moved(PARTICLES) - true).max() < 0.04 * np.abs(true).max()
 
 
@@ -141,7 +132,7 @@ def test_a_path_turned_by_a_quarter_is_its_image(solved):
         np.abs(same.bins(SENSOR) - cell.arrays["bin_force_N"][last]).max()
         < SPREAD * np.abs(same.bins(SENSOR)).max()
     )
-    true = motion(cell, last)
+    true = motion(cell, last, PARTICLES)
     assert np.abs(same.moved(PARTICLES) - true).max() < 0.05 * np.abs(true).max()
     image = transform_points("rotate_90", place, 32.0)
     turned = moved.turned(0, last, image, np.pi / 2)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_synthesis import LAWS
+from small_synthesis import LAWS, motion, place_of
 
 from gelforge.config import study_from
 from gelforge.dataset.shard import ShardDataset
@@ -12,7 +12,7 @@ from gelforge.synthesis.frame import MovingFrame
 from gelforge.synthesis.moved import MovedPresses
 from gelforge.synthesis.rows import solve, write_rows
 from gelforge.synthesis.straight import StraightPresses
-from gelforge.virtual_lab.particles import VirtualLabError, dots_box, interpolation, place_particles
+from gelforge.virtual_lab.particles import VirtualLabError, dots_box, place_particles
 
 WIDTHS, BINS = (18.0, 22.0), (9, 11)
 DOTS = {"spacing_mm": 2.0, "depth_mm": 0.2}
@@ -71,15 +71,6 @@ def straight(solved):
     return StraightPresses(STUDY, solved[:-1])
 
 
-def place_of(cell):
-    return np.array([cell.attributes["x_mm"], cell.attributes["y_mm"]])
-
-
-def motion(cell, step: int) -> np.ndarray:
-    weights = interpolation(cell.arrays["gel_node_mm"], cell.arrays["gel_hex"], PLACED)
-    return weights @ cell.arrays["gel_displacement_mm"][step].astype(float)
-
-
 def test_all_places_of_an_oblong_sensor_are_solved_and_its_whole_gel_is_kept(solved):
     places = site_places(STUDY)
     assert sorted(map(tuple, places)) == [(x, y) for x in (5.0, 9.0, 13.0) for y in (5.0, 11.0, 17.0)]
@@ -101,7 +92,7 @@ def test_the_frame_of_dots_is_their_plane(solved):
 
 def test_dots_move_as_the_solved_gel_does(straight, solved):
     for number in (0, 4, 7):
-        cell, true = solved[number], motion(solved[number], 9)
+        cell, true = solved[number], motion(solved[number], 9, PLACED)
         moved = straight.at(place_of(cell), 1.0).moved(PLACED)
         # interpolated linearly between grid lines of 0.06 mm beneath an indenter that elements of 0.5 mm resolve
         assert np.abs(moved - true).max() < 0.01 * np.abs(true).max()
