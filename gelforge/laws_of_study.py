@@ -40,14 +40,14 @@ def known_laws(study: Study, files: list[Path]) -> dict:
 
     Raises ConfigError for a stiffness that is neither plausible nor confirmed.
     """
-    from gelforge.materials.characterise import given_law
+    from gelforge.materials.characterise import known_law
     from gelforge.materials.fitting.law_file import read_law
     from gelforge.materials.fitting.stiffness import check_stiffness
 
     laws = {law.material: law for law in map(read_law, files)}
     for name, material in study.materials.items():
-        if name not in laws and material.parameters:
-            laws[name] = given_law(name, material.parameters)
+        if name not in laws and material.tests is None:
+            laws[name] = known_law(name, material)
         elif name not in laws and law_path(study, name).is_file():
             laws[name] = read_law(law_path(study, name))
         if name in laws:

@@ -25,6 +25,7 @@ LAYERS = [
     {"synthesis"},
     {"learning"},
     {"mismatch", "live"},
+    {"calibration"},
     {"report"},
     {"api"},
     {"cli", "__main__"},

@@ -49,7 +49,7 @@ MEAN = "mean"  # the sample name of the averaged curve
 SEED = 20191113  # of the bootstrap; the same files give the same intervals
 CIRCUMSTANCE_NAMES = {c.effect for c in CIRCUMSTANCES}
 FITTED_SHARE = 0.8  # of the largest strain of any sample; a range fitted below that is worth a note
-NOTHING_MEASURED = "the parameters of the constitutive model were given; nothing was measured"
+NOTHING_MEASURED = "the constitutive model was given, or read from a file; no test was fitted"
 
 
 @dataclass(frozen=True)
@@ -83,15 +83,15 @@ class Characterised:
 
 def characterise(name: str, material: Material, folder: Path, study: str = "") -> None:
     """Write the results of a study's material, its laws with the study's name; the same inputs give the same bytes."""
-    if material.parameters is None:
+    if material.tests is not None:
         try:
-            source = replace(source_of(name, given(material.tests, "tests"), material.mapping), study=study)
+            source = replace(source_of(name, material.tests, material.mapping), study=study)
             characterise_source(source, material, folder)
         except FitError as error:
             raise FitError(f"{material.tests}: {error}") from None
         check_stiffness(read_law(folder / "law.json"), material.stiffness_confirmed)
         return
-    law = given_law(name, material.parameters)
+    law = known_law(name, material)
     check_stiffness(law, material.stiffness_confirmed)
     effects = MeasuredEffects(name, (), ())
     _clear(folder)
@@ -101,6 +101,13 @@ def characterise(name: str, material: Material, folder: Path, study: str = "") -
     _write_curves(folder, pd.DataFrame(columns=CURVE_COLUMNS))
     write_text(folder / "notes.txt", f"{name}: {NOTHING_MEASURED}\n")
     write_law(folder / "law.json", replace(law, study=study))
+
+
+def known_law(name: str, material: Material) -> MaterialLaw:
+    """Return the law of a material without tests: of its file, or with given parameters. Raises LawFileError."""
+    if material.file is not None:
+        return replace(read_law(material.file), material=name)
+    return given_law(name, given(material.parameters, "parameters"))
 
 
 def given_law(name: str, parameters: GivenParameters) -> MaterialLaw:

@@ -40,9 +40,9 @@ def _described():
         variants = {name: variant_cells(cells, study, name) for name in study.variants}
         lab = load_virtual_lab(study.virtual_lab) if study.virtual_lab else None
         for name, material in study.materials.items():
-            if material.tests and not material.tests.exists():
+            if material.source and not material.source.exists():
                 raise ConfigError(
-                    f"{material.tests}: no such folder; put the tests of {name} there, or run `gelforge examples`"
+                    f"{material.source}: no such file or folder; put the tests of {name} there, or run `gelforge examples`"
                     " for those of the examples"
                 )
         return study, cells, variants, lab
@@ -217,7 +217,7 @@ def material_tests(wildcards):
 
     material = STUDY.materials[wildcards.material]
     if material.tests is None:
-        return []
+        return [material.file.as_posix()] if material.file else []
     try:
         files = source_files(material.tests, material.mapping)
     except TableError:

@@ -1,4 +1,4 @@
-"""Arguments of the commands by hand: press, mesh, characterise, import, verify, mismatch and its relatives."""
+"""Arguments of the commands by hand: press, mesh, characterise, import, verify, calibrate, mismatch and its relatives."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ def add(commands) -> None:
     _import_logs(commands)
     _import_set(commands)
     _verify(commands)
+    _calibrate(commands)
     _mismatch_materials(commands)
     _mismatch(commands)
     add_command(
@@ -177,6 +178,39 @@ def _verify(commands) -> None:
     )
     verify.add_argument("--out", type=Path, help="folder for verification.csv and verification.md")
     verify.add_argument("--only", nargs="+", metavar="CHECK", help="these alone, such as patch_test")
+
+
+def _calibrate(commands) -> None:
+    calibrate = add_command(
+        commands,
+        "calibrate",
+        "by_hand.calibrate.calibrate",
+        "moduli, thickness, friction and more of a sensor from its own presses, see docs/calibrate.md",
+    )
+    calibrate.add_argument("recording", type=Path, help="a session's folder, or a folder of sessions")
+    add_study(
+        calibrate, "--study", "--config", dest="config", required=True, text="what describes the sensor"
+    )
+    calibrate.add_argument(
+        "--free",
+        required=True,
+        metavar="NAMES",
+        help="comma-separated: LAYER.modulus, LAYER.exponent, LAYER.thickness, friction, base.compliance, contact_point,"
+        " force_gain",
+    )
+    calibrate.add_argument(
+        "--prior",
+        action="append",
+        default=[],
+        metavar="NAME=PRIOR",
+        help="what is known before: LOW:HIGH (90 %%) in the parameter's unit, or of a modulus shoreA:10 or shore00:30; a"
+        " factor of three about the study's modulus if not given",
+    )
+    calibrate.add_argument("--out", type=Path, required=True, help="folder to write")
+    add_laws(calibrate, nargs="*", default=[])
+    calibrate.add_argument("--kept", type=Path, help="folder of kept solutions; solves in --out if not given")
+    calibrate.add_argument("--workers", type=int, default=1, help="indentations that are solved side by side")
+    calibrate.add_argument("--no-page", dest="page", action="store_false", help="no report.html")
 
 
 def _mismatch_materials(commands) -> None:

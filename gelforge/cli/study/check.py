@@ -103,6 +103,8 @@ def missing_files(study: Study) -> list[str]:
     for material in study.materials.values():
         if material.mapping:
             missing += [path for path in (material.tests, material.mapping) if path and not path.exists()]
+        elif material.file:
+            missing += [] if material.file.exists() else [material.file]
         elif material.tests:
             samples = material.tests / "samples.csv"
             names = read_csv(samples, texts=("file",))["file"] if samples.is_file() else ["samples.csv"]

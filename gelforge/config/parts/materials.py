@@ -1,13 +1,14 @@
-"""Materials: raw tests to be fitted, or parameters that are given."""
+"""Materials: raw tests to be fitted, parameters that are given, or the file of a constitutive model fitted elsewhere."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_serializer, model_validator
 
 from gelforge.config.basis.common import Section
+from gelforge.config.parts.camera import without_null
 from gelforge.mechanics.laws.models import FAMILIES, MODELS
 from gelforge.mechanics.laws.parameters import GivenParameters
 
@@ -61,7 +62,7 @@ class Fitting(Section):
 
 
 class Material(Fitting):
-    """One material: either raw tests to be fitted or parameters that are given."""
+    """One material: raw tests to be fitted, parameters that are given, or the file of a constitutive model."""
 
     tests: Path | None = Field(None, description="folder with samples.csv and one CSV per sample")
     mapping: Path | None = Field(
@@ -69,6 +70,11 @@ class Material(Fitting):
     )
     parameters: LawParameters | None = Field(
         None, description="a constitutive model that is given; nothing is fitted"
+    )
+    file: Path | None = Field(
+        None,
+        description="file of a constitutive model with its covariance, as `gelforge calibrate` and `gelforge characterise`"
+        " write it; nothing is fitted",
     )
     stiffness_confirmed: bool = Field(
         False, description="true: the initial Young's modulus is meant, also outside 0.5 to 5000 kPa"
@@ -86,10 +92,21 @@ class Material(Fitting):
 
     @model_validator(mode="after")
     def _one_source(self):
-        if (self.tests is None) == (self.parameters is None):
+        if [self.tests, self.parameters, self.file].count(None) != 2:
             raise ValueError(
-                "give either `tests` (a folder to fit) or `parameters` (a constitutive model), not both or neither"
+                "give either `tests` (a folder to fit), `parameters` (a constitutive model) or `file` (of a constitutive"
+                " model), one of them and no more"
             )
-        if self.mapping and self.parameters:
-            raise ValueError("`mapping` describes the files of `tests`; with `parameters` nothing is read")
+        if self.mapping and not self.tests:
+            raise ValueError("`mapping` describes the files of `tests`; without `tests` nothing is read")
         return self
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, write) -> dict[str, Any]:
+        """Return the keys; file only where it is given, so that digests of older studies stay."""
+        return without_null(write(self), ("file",))
+
+    @property
+    def source(self) -> Path | None:
+        """Return the folder or file that the constitutive model comes from; None where the configuration holds it."""
+        return self.tests or self.file

@@ -77,7 +77,7 @@ class Study(Section):
         s = self.sensor
         layers = ", ".join(f"{one.name} {one.thickness_mm:g} mm of {one.material}" for one in s.layers)
         given = {
-            name: m.parameters.constitutive_model().name if m.parameters else f"tests in {m.tests}"
+            name: m.parameters.constitutive_model().name if m.parameters else f"from {m.source}"
             for name, m in self.materials.items()
         }
         materials = ", ".join(f"{name} ({source})" for name, source in given.items())

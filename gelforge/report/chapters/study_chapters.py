@@ -289,10 +289,11 @@ def origin(results: StudyResults) -> Chapter:
     chapter = Chapter("origin", "What is synthetic, what is measured")
     rows = []
     for name, material in results.study.materials.items():
-        kind = "given parameters" if material.tests is None else "measured tests"
+        kind = "measured tests" if material.tests else "fitted elsewhere" if material.file else "given parameters"
         law = results.laws.get(name)
-        kind = "SYNTHETIC tests" if law is not None and law.synthetic else kind
-        rows.append((f"material {name}", kind, str(material.tests or "configuration")))
+        made = "SYNTHETIC readings" if material.file else "SYNTHETIC tests"
+        kind = made if law is not None and law.synthetic else kind
+        rows.append((f"material {name}", kind, str(material.source or "configuration")))
     for name in results.study.sessions:
         session = results.sessions.get(name)
         kind = "session.yaml missing"

@@ -1,0 +1,1 @@
+"""Parameters of a sensor from its own presses, by the problem and the fits of the verdict."""

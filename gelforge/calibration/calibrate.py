@@ -1,0 +1,72 @@
+"""The whole of `gelforge calibrate`: a recording and a study in, calibrated parameters out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from gelforge.calibration.fit import Fit, calibrated
+from gelforge.calibration.parameters import free_of
+from gelforge.calibration.priors import Prior
+from gelforge.calibration.results import write_results
+from gelforge.config import Study
+from gelforge.laws_of_study import material_laws_of
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.pipeline.stage import (
+    SOLUTIONS,
+    check_matches,
+    observations_of,
+    provenance_of,
+    solver_of,
+)
+from gelforge.mismatch.readings.sessions import read_all, session_folders
+from gelforge.progress import stage
+from gelforge.recording.readings import Recording
+
+PRESSED = ("load", "dwell")  # phases: an elastic gel has no other forces on the way up
+
+
+def calibrate_folder(
+    study: Study,
+    recording: Path,
+    names: Sequence[str],
+    priors: Mapping[str, Prior],
+    out: Path,
+    laws: Sequence[Path] = (),
+    kept: Path | None = None,
+    workers: int = 1,
+) -> dict[str, Any]:
+    """Calibrate named parameters of a study by the sessions in a folder, write the results into `out` and return them.
+
+    laws and kept: as in `judge_folder`. Raises ConfigError for sessions of another sensor and for parameters that the
+    sensor does not have, SolverFailed where the study cannot be solved at the priors' means.
+    """
+    own = recording.resolve() == study.data_folder.resolve()
+    folders = session_folders(recording, study.sessions if own else ())
+    check_matches(folders, study)
+    recordings = read_all(folders, study.sensor)
+    solver = solver_of(study, out, list(laws), kept or out / SOLUTIONS, workers, recordings)
+    fit, synthetic = fit_of(solver, recordings, names, priors)
+    stage("tables")
+    made = provenance_of(folders, study, solver)
+    materials = material_laws_of(study, list(laws))
+    return write_results(out, study, fit, materials, recording.name, synthetic, made)
+
+
+def fit_of(
+    solver: Solver, recordings: Sequence[Recording], names: Sequence[str], priors: Mapping[str, Prior]
+) -> tuple[Fit, bool]:
+    """Return the fit of named parameters of the solver's study to recordings, and whether these are synthetic."""
+    stage("readings")
+    observations, synthetic = observations_of(recordings, solver.study)
+    pressed = observations.table["phase"].isin(PRESSED).to_numpy()
+    free = free_of(solver.study, solver.laws, names, priors)
+    # What a test says of a material gives way to the prior that is stated here.
+    others = {
+        name: moved for name, moved in solver.uncertain.items() if name not in {f.material for f in free}
+    }
+    solver = replace(solver, uncertain=others)
+    stage("forces of the simulation, and how they follow the parameters")
+    return calibrated(solver, observations.chosen(pressed), free), synthetic

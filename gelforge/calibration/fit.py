@@ -1,0 +1,238 @@
+"""The fit: the verdict's problem about the present estimate, its MAP fit, and the same again until the step is small."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gelforge.calibration.parameters import Free
+from gelforge.config import Study
+from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.screen import FORM_ERRORS, Candidate, Screened, judged_by
+from gelforge.mismatch.fem.known import with_known
+from gelforge.mismatch.fem.solutions import Solver, SolverFailed
+from gelforge.mismatch.fem.solver import base_of
+from gelforge.mismatch.fem.unsolved import base_where_solved
+from gelforge.mismatch.goodness.scan import global_test
+from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.terms.candidates import columns_of
+from gelforge.mismatch.terms.holdout import split
+from gelforge.mismatch.terms.problem import Problem, secant
+from gelforge.mismatch.terms.refit import Refitted, refitted
+from gelforge.progress import stage
+
+ENOUGH = 0.1  # of a posterior standard deviation: a step that no interval would show
+MOST = 10  # estimates that are solved
+FORM_ERROR = FORM_ERRORS[0]  # of a change of the forces, a share of it
+NEAR = 1.0  # of a prior's standard deviation: within it the columns follow the solved forces
+SHORTER = 4  # times that a step is halved where the finite elements do not reach its end
+# Of the force, by a plausible step: a larger change is taken as linear in place of in proportion.
+PROPORTIONAL = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """The verdict's problem about an estimate, q coordinates less those of the priors' means."""
+
+    at: np.ndarray  # (q,)
+    problem: Problem  # forces about the estimate, columns (n, 1) of each parameter
+    study: Study  # with the estimate
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Return the change of the n readings per unit of the coordinates (n, q)."""
+        return np.column_stack([part.columns for part in self.problem.candidates])
+
+    def forces(self, a: np.ndarray) -> np.ndarray:
+        """Return the forces (R, 3) [N] at coordinates (q,), in proportion where the change is a share of the force.
+
+        A modulus or thickness multiplies the force: over a factor of three that is nearer than a straight line.
+        """
+        problem = self.problem
+        slopes = np.zeros((*problem.base.shape, len(a)))
+        slopes[problem.observations.read] = self.columns
+        size = np.abs(problem.base)[..., None]
+        share = np.divide(slopes, problem.base[..., None], out=np.zeros_like(slopes), where=size > 0)
+        grows = (np.abs(share) * self.widths).max(axis=-1) < PROPORTIONAL
+        step = a - self.at
+        change = np.where(grows, problem.base * np.expm1(np.where(grows, share @ step, 0.0)), slopes @ step)
+        return problem.base + change
+
+    def fitted(self, mask: np.ndarray) -> Refitted:
+        """Return the MAP fit of the coordinates to the entries (n,) bool.
+
+        Changes of the forces err by their form, as those of the verdict do: in a long step little is asked of what several
+        parameters do together, and of a short one the errors are gone.
+        """
+        far = self._screened(self.problem, mask)
+        errors = replace(self.problem, change_error=FORM_ERROR)
+        believed = errors.erring(self.problem.candidates, far.amounts - self.at)
+        from_means = replace(
+            believed,
+            change_error=0.0,
+            base=self.forces(np.zeros(len(self.at))),
+            forces_with=lambda parts, amounts, rows: self.forces(np.concatenate(amounts)),
+        )
+        return refitted(from_means, self._screened(believed, mask), mask)
+
+    def _screened(self, problem: Problem, mask: np.ndarray) -> Screened:
+        """Return the coordinates by their columns alone."""
+        covariance = problem.covariance.restricted(mask)
+        residual = problem.residual + self.columns @ self.at  # of which the coordinates are to explain all
+        white = covariance.whiten(np.column_stack([residual, self.columns])[mask])
+        return judged_by(white[:, 0], problem.candidates, list(white[:, 1:].T[:, :, None]))
+
+    @property
+    def widths(self) -> np.ndarray:
+        """Return the priors' standard deviations (q,)."""
+        return np.concatenate([part.widths for part in self.problem.candidates])
+
+    def moved(self, at: np.ndarray, base: np.ndarray, study: Study) -> Linear:
+        """Return the problem about an estimate near by, whose forces (R, 3) are solved and whose columns follow them.
+
+        The secant makes columns those of the study's mesh, and of the contact over the way: along parameters that make up
+        for each other little is left of them, and errors of a coarser mesh are not small beside that.
+        """
+        problem, step = self.problem, at - self.at
+        missing = problem.observations.flat(base - problem.base) - self.columns @ step
+        columns = secant(self.columns, missing, step, self.widths)
+        parts = [replace(part, columns=own[:, None]) for part, own in zip(problem.candidates, columns.T)]
+        return Linear(at, replace(problem, base=base, candidates=parts), study)
+
+    def taught_by(self, other: Linear) -> Linear:
+        """Return the problem about the same estimate, with another one's columns."""
+        return replace(self, problem=replace(self.problem, candidates=other.problem.candidates))
+
+    def cost(self) -> float:
+        """Return minus the log posterior of the estimate, but for a constant that the covariance decides."""
+        white = self.problem.covariance.whiten(self.problem.residual)
+        return 0.5 * float(white @ white + np.sum((self.at / self.widths) ** 2))
+
+    def left(self, a: np.ndarray) -> np.ndarray:
+        """Return what is left of the n readings at coordinates (q,)."""
+        return self.problem.observations.flat(self.problem.observations.force - self.forces(a))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Calibrated parameters and what the model leaves of the readings with them."""
+
+    free: Sequence[Free]
+    a: np.ndarray  # (q,) coordinates less those of the priors' means
+    covariance: np.ndarray  # (q, q)
+    start: Linear  # about the priors' means
+    last: Linear  # about the last estimate but one: the last step is smaller than ENOUGH, if converged
+    solved: int  # estimates
+    converged: bool
+    held_out: np.ndarray  # (n,) bool
+    a_trained: np.ndarray  # (q,) by the other readings
+    p: float  # that noise leaves as much
+
+    @property
+    def sd(self) -> np.ndarray:
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def study(self) -> Study:
+        """Return the study with the estimates."""
+        return _study_at(self.last.study, self.free, self.last.at, self.a)
+
+
+def calibrated(solver: Solver, observations: Observations, free: Sequence[Free]) -> Fit:
+    """Return the free parameters of the solver's study that its observations ask for, by all and without some of them.
+
+    Raises SolverFailed where the study cannot be solved at the priors' means.
+    """
+    a = np.zeros(len(free))
+    own = np.array([one.coordinate(one.start) for one in free])
+    study = _study_at(solver.study, free, own, a)
+    linear = start = _about(replace(solver, study=study), observations, free, a, first=True)
+    observations, every = start.problem.observations, np.ones(len(start.problem.labels), bool)
+    for solved in range(1, MOST + 1):
+        fit = linear.fitted(every)
+        a = np.concatenate(fit.amounts)
+        sd = np.sqrt(np.diag(fit.covariance))
+        converged = bool(np.all(np.abs(a - linear.at) <= ENOUGH * sd))
+        if converged or solved == MOST:
+            break
+        stage(
+            "step " + ", ".join(f"{one.name} {one.value(x):.4g} {one.kind.unit}" for one, x in zip(free, a))
+        )
+        linear = _reached(solver, observations, free, linear, a)
+    held_out = held_out_of(linear.problem, solver.study.seed)
+    a_trained = np.concatenate(linear.fitted(~held_out).amounts) if held_out.any() else a
+    test = global_test(linear.left(a), linear.problem.covariance, linear.columns)
+    return Fit(free, a, fit.covariance, start, linear, solved, converged, held_out, a_trained, test.p)
+
+
+def held_out_of(problem: Problem, seed: int) -> np.ndarray:
+    """Return the entries (n,) bool of about a quarter of the sites; of few sites those of the deepest quarter of depths."""
+    held = split(problem.labels, seed).held
+    return held["positions"] if held["positions"].any() else held["deepest"]
+
+
+def _study_at(study: Study, free: Sequence[Free], now: np.ndarray, then: np.ndarray) -> Study:
+    for one, here, there in zip(free, now, then):
+        study = one.to_study(study, float(here), float(there))
+    return study
+
+
+def _reached(
+    solver: Solver, observations: Observations, free: Sequence[Free], linear: Linear, a: np.ndarray
+) -> Linear:
+    """Return the problem about an estimate, or as far on the way there as the finite elements reach. Raises SolverFailed."""
+    for k in range(SHORTER):
+        there = linear.at + 0.5**k * (a - linear.at)
+        study = _study_at(linear.study, free, linear.at, there)
+        try:
+            if np.all(np.abs(there - linear.at) < NEAR * linear.widths):
+                near = linear.moved(there, _forces(replace(solver, study=study), observations), study)
+                # A step that fits worse has taught the columns, and is not taken.
+                return near if near.cost() <= linear.cost() + ENOUGH else linear.taught_by(near)
+            return _about(replace(solver, study=study), observations, free, there)
+        except (SolverFailed, NotConverged) as failure:
+            reason = failure
+    raise SolverFailed(f"no step from the last estimate can be solved: {reason}")
+
+
+def _forces(solver: Solver, observations: Observations) -> np.ndarray:
+    """Return the forces (R, 3) [N] of the solver's study at the readings. Raises SolverFailed."""
+    return with_known(base_of(solver, observations, ()), solver).context.force
+
+
+def _about(
+    solver: Solver, observations: Observations, free: Sequence[Free], at: np.ndarray, first: bool = False
+) -> Linear:
+    """Return the verdict's problem with the study's present estimate as nominal model; first: of what can be solved."""
+    effects = [one.effect_about(float(x)) for one, x in zip(free, at)]
+    solved = base_where_solved if first else base_of
+    base = with_known(solved(solver, observations, effects), solver)
+    parts = []
+    for effect in effects:
+        if effect.name in base.failed:
+            raise SolverFailed(f"{effect.name} has no derivative: {base.failed[effect.name]}")
+        parts.append(
+            Candidate(
+                effect.name,
+                {},
+                columns_of(base.context, effect, {}),
+                effect.widths,
+                np.zeros(1),
+                form_error=FORM_ERROR,
+            )
+        )
+    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
+    problem = Problem(
+        base.context.observations,
+        base.context.force,
+        covariance,
+        parts,
+        # as formulas: what a fit varies are these columns, and the solver is asked about the estimate it gives
+        {effect.name: replace(effect, by_formula=True) for effect in effects},
+        lambda parts, amounts, rows: base.context.force,
+        base.failed,
+    )
+    return Linear(at, problem, solver.study)
