@@ -21,7 +21,7 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models import family_of, parameters_of
 from gelforge.mismatch.pipeline.patch import differences
 from gelforge.mismatch.result.verdict import PATCH, Provenance
-from gelforge.mismatch.result.verdict_tables import write_readings
+from gelforge.mismatch.result.verdict_tables import READINGS, write_tables
 
 FORMAT = "gelforge-calibration-1"
 CALIBRATION = "calibration.json"
@@ -35,8 +35,8 @@ def write_results(
     """Write all files but the page into a folder, and return the content of calibration.json."""
     out.mkdir(parents=True, exist_ok=True)
     content = content_of(fit, title, synthetic, made)
+    content["tables"] = write_tables(out, {READINGS: readings_of(fit)})
     write_product_json(out / CALIBRATION, content)
-    write_readings(out, readings_of(fit))
     calibrated = calibrated_materials(fit, materials, title, synthetic, digest(content))
     for name, material in calibrated.items():
         write_law(out / f"{name}.json", material)

@@ -15,7 +15,7 @@ import gelforge
 from gelforge.calibration.results import CALIBRATION
 from gelforge.files import read_product_json, write_text
 from gelforge.mismatch.result.verdict import PAGE
-from gelforge.mismatch.result.verdict_tables import read_readings
+from gelforge.mismatch.result.verdict_tables import READINGS, read_table
 from gelforge.report.chapters.chapter import Chapter, Facts
 from gelforge.report.figures.style import MEASURED, PUBLISHED, SIGNED, SIMULATED, new_figure, styled
 from gelforge.report.page import environment
@@ -28,7 +28,8 @@ def write_calibration_page(folder: str | Path, written: datetime | None = None) 
     """Write report.html beside calibration.json and readings.csv in a folder; return its path."""
     folder = Path(folder)
     content = read_product_json(folder / CALIBRATION, "run `gelforge calibrate` again")
-    readings = read_readings(folder)
+    readings = read_table(folder, READINGS, content["tables"])
+    assert readings is not None  # a calibration always writes it
     chapters = [in_short(content), curves(readings), residuals(readings), apart(content), origin(content)]
     templates = environment()
     html = templates.get_template("calibration.html").render(

@@ -289,7 +289,13 @@ def origin(results: StudyResults) -> Chapter:
     chapter = Chapter("origin", "What is synthetic, what is measured")
     rows = []
     for name, material in results.study.materials.items():
-        kind = "measured tests" if material.tests else "fitted elsewhere" if material.file else "given parameters"
+        kind = (
+            "measured tests"
+            if material.tests
+            else "fitted elsewhere"
+            if material.file
+            else "given parameters"
+        )
         law = results.laws.get(name)
         made = "SYNTHETIC readings" if material.file else "SYNTHETIC tests"
         kind = made if law is not None and law.synthetic else kind
