@@ -166,6 +166,20 @@ def test_presses_are_followed_as_a_whole_whatever_was_chosen_of_them(name, shape
     assert np.abs(whole - base.context.force)[up].max() > 1e-3
 
 
+@pytest.mark.parametrize(
+    "name", ["gel_stiffness", "friction"]
+)  # solved in loading only, and in unloading too
+def test_forces_at_some_sites_are_those_of_all(name, kept):
+    """Sites keep their numbers where only some are solved."""
+    solver, found = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept), observations()
+    sites = np.array([[8.0, 8.0], [5.0, 8.0]])
+    table = found.table.assign(**dict(zip(("x_mm", "y_mm"), sites[found.table["site"]].T)))
+    base = base_of(solver, replace(found, table=table, sites=sites), [])
+    chosen, second = [(CATALOGUE[name], {}, np.array([0.3]))], (table["site"] == 1).to_numpy()
+    whole, some = (forces_with(solver, base, chosen, rows) for rows in (None, second))
+    assert second.any() and np.array_equal(some[second], whole[second]) and np.isnan(some[~second]).all()
+
+
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
     return tmp_path_factory.mktemp("solves")

@@ -165,9 +165,9 @@ def _followed(
     runs: also the forces of those that unload from the depths of their site's loading. Raises SolverFailed.
     """
     unloadings: dict[PlannedCell, dict[PlannedCell, None]] = {}  # by loading; a set in order
-    for run, site in zip(runs.planned, runs.site) if runs else ():
+    for run, way in zip(runs.planned, _way_of(runs)) if runs else ():
         if run.phases:
-            own = unloadings.setdefault(image_of(solver.study, ways[site])[0], {})
+            own = unloadings.setdefault(image_of(solver.study, ways[way])[0], {})
             own[image_of(solver.study, run)[0]] = None
 
     for one in asked:
@@ -188,11 +188,11 @@ def _on_runs(runs: Runs, ways: Sequence[PlannedCell], by_way: Sequence[dict]) ->
     `loading`: the forces of the loading at these depths.
     """
     found = []
-    for run, site in zip(runs.planned, runs.site):
-        step = np.searchsorted(ways[site].depths_mm, run.depths_mm)  # its depths are all among them
-        all_along = {k: v for k, v in by_way[site].items() if not k.startswith("unloading ")}
+    for run, way in zip(runs.planned, _way_of(runs)):
+        step = np.searchsorted(ways[way].depths_mm, run.depths_mm)  # its depths are all among them
+        all_along = {k: v for k, v in by_way[way].items() if not k.startswith("unloading ")}
         own = {k: v if k.startswith("reason ") else v[step] for k, v in all_along.items()}
-        base = by_way[site].get(unloading_key(run), own["base"])
+        base = by_way[way].get(unloading_key(run), own["base"])
         found.append(own | {"base": base, "loading": own["base"]})
     return found
 
@@ -410,6 +410,11 @@ def _deepest_runs(runs: Runs) -> list[int]:
     for number, site in enumerate(runs.site):
         first.setdefault(int(site), number)
     return [first[site] for site in sorted(first)]
+
+
+def _way_of(runs: Runs) -> np.ndarray:
+    """Return for each run the number of its site's loading in `_ways_down`: of some sites, numbers of sites have gaps."""
+    return np.unique(runs.site, return_inverse=True)[1]
 
 
 def _ways_down(runs: Runs) -> list[PlannedCell]:
