@@ -12,6 +12,7 @@ import numpy as np
 
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.plausibility.rest_force import rest_words
 
 SINGLE_SHARE = (
     0.1  # of the loading's range of stress: load cells err by a hundredth of this, a lost digit by more
@@ -27,12 +28,16 @@ REST_STRESS = 0.2  # of the largest stress, the least that matters of what rest 
 REST_SHARE = (
     0.7  # of the stress near rest, by a straight line to rest: any power of the strain above 0.2 has less
 )
+AT_REST, LEAST_REST_STRESS = (
+    1e-3,
+    0.1,
+)  # strain; of the largest stress, beyond which it doubles the small-strain modulus
 
 
 def check_rows(
-    path: Path, lines: Sequence[int], test: MaterialTest, remedy: str, zeroed: bool = False
+    path: Path, lines: Sequence[int], test: MaterialTest, remedy: str, zeroed: bool = False, toe: bool = False
 ) -> None:
-    """Refuse a single row far off its curve, and a start under load unless the force is zeroed.
+    """Refuse a single row far off its curve, and a start under load unless the force is zeroed, or its origin moved (toe).
 
     lines: the row numbers in the file; remedy: how to confirm. Raises TableError.
     """
@@ -60,13 +65,31 @@ def check_rows(
             f" strain; {START_STRESS:.0%} at most are expected: check the columns, subtract the force at rest"
             f" (`zero_force`), {remedy}"
         )
+    if toe:
+        return
+    resting = strain <= AT_REST
+    if resting.any():
+        rest = float(np.median(test.nominal_stress[first.rows][resting]))
+        if abs(rest) > max(LEAST_REST_STRESS * stress.max(), 5 * _scatter(stress) / np.sqrt(resting.sum())):
+            raise TableError(
+                f"{path}: {rest * 1e3:.4g} kPa, {abs(rest) / stress.max():.0%} of the largest stress, at {test.abscissa}"
+                f" {test.at_rest:g}; {LEAST_REST_STRESS:.0%} at most are expected: {rest_words(test, rest)}, {remedy}"
+            )
     unstrained = _stress_at_rest(strain[near], stress[near])
     if unstrained > max(REST_STRESS * stress.max(), REST_SHARE * np.median(stress[near])):
         raise TableError(
             f"{path}: the rows before a tenth of the strain lead to {unstrained / stress.max():.0%} of the largest stress at"
-            f" {test.abscissa} {test.at_rest:g}; {REST_STRESS:.0%} at most are expected: check the columns, subtract the"
-            f" force at rest (`zero_force`), {remedy}"
+            f" {test.abscissa} {test.at_rest:g}; {REST_STRESS:.0%} at most are expected: check the columns;"
+            f" {rest_words(test, unstrained * np.sign(np.median(test.nominal_stress[first.rows])))}, {remedy}"
         )
+
+
+def _scatter(stress: np.ndarray) -> float:
+    """Return the standard deviation of a row about the line through its neighbours (robust)."""
+    if len(stress) < LEAST_ROWS:
+        return 0.0
+    off = stress[1:-1] - (stress[:-2] + stress[2:]) / 2
+    return float(1.4826 * np.median(np.abs(off)) / np.sqrt(1.5))
 
 
 def _stress_at_rest(strain: np.ndarray, stress: np.ndarray) -> float:
