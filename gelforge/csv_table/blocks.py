@@ -18,26 +18,28 @@ def blocks(path: Path, needed: Sequence[str], form: CsvForm) -> list[tuple[str, 
     The title is the first text between two tables, "" where there is none. A file with one header is one block.
     """
     separator = form.separator or ","
-    if not form.header or not needed or form.header_begins_with:
+    if not form.header or not needed:
         return [("", form)]
     lines = lines_of(path, form)
     heads = [i for i in range(form.skip_rows, len(lines)) if names_all(lines[i], separator, needed)]
+    heads = [i for i in heads if lines[i].strip().startswith(form.header_begins_with or "")]
     if len(heads) < 2 or any(lines[i].strip() != lines[heads[0]].strip() for i in heads):
         return [("", form)]
     columns = [_cells(lines[heads[0]], separator).index(name) for name in needed]
     signs = Signs(form.decimal or ".", form.thousands)
-    found, title_from = [], form.skip_rows
+    found, above = [], []  # above: the lines between two tables
+    title_from = form.skip_rows
     for head, after in zip(heads, [*heads[1:], len(lines)]):
         last = after
         while last > head + 1 and not _holds_numbers(lines[last - 1], separator, columns, signs):
             last -= 1
         if last == head + 1:  # a header without rows is none of a specimen
             return [("", form)]
-        found.append(
-            (_title(lines[title_from:head], separator), replace(form, skip_rows=head, last_line=last))
-        )
+        above.append([line for line in lines[title_from:head] if line.strip()])
+        found.append(replace(form, skip_rows=head, last_line=last, header_begins_with=None))
         title_from = last
-    return found
+    usual = len(above[1])  # above the first one stands the head of the whole file too
+    return [(_title(own[max(len(own) - usual, 0) :], separator), part) for own, part in zip(above, found)]
 
 
 def _cells(line: str, separator: str) -> list[str]:

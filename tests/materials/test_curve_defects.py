@@ -97,10 +97,19 @@ def test_noise_softening_and_a_hold_are_no_fall(tmp_path, seed):
     held = np.r_[LAM, np.full(50, LAM[-1])]
     relaxed = np.r_[P(LAM), P(LAM)[-1] * (0.6 + 0.4 * np.exp(-np.arange(50) / 20))]
     time = np.arange(len(held)) * 1.0
-    for history in ("monotonic", "relaxation"):
-        read(tmp_path, held, noisy(relaxed, seed), time, history=history)
+    read(tmp_path, held, noisy(relaxed, seed), time, history="relaxation")
     cycle = np.r_[LAM, LAM[::-1]]
     read(tmp_path, cycle, noisy(np.r_[P(LAM), 0.5 * P(LAM)[::-1]], seed), history="cyclic")
+
+
+@pytest.mark.parametrize("at", [0.5, 0.8])
+def test_a_saturated_load_cell_is_named(tmp_path, at):
+    whole = noisy(P(LAM))
+    with pytest.raises(
+        TableError, match="to the last digit, its largest value, .* the load cell is saturated"
+    ):
+        read(tmp_path, LAM, np.minimum(whole, at * whole.max()))
+    read(tmp_path, LAM, 4 * np.round(whole / 4))  # a coarse one has equal rows everywhere
 
 
 @pytest.mark.parametrize("history", ["monotonic", "cyclic"])

@@ -28,6 +28,10 @@ REST_STRESS = 0.2  # of the largest stress, the least that matters of what rest 
 REST_SHARE = (
     0.7  # of the stress near rest, by a straight line to rest: any power of the strain above 0.2 has less
 )
+LEAST_FLAT, FLAT_STRETCH = (
+    5,
+    0.02,
+)  # rows at the largest stress, and share of the range of stretch that they cover
 AT_REST, LEAST_REST_STRESS = (
     1e-3,
     0.1,
@@ -53,6 +57,15 @@ def check_rows(
                 f"{path}, row {lines[i]}: a nominal stress of {test.nominal_stress[i] * 1e3:.4g} kPa at"
                 f" {test.abscissa} {test.stretch[i]:.4g}, far off the neighbouring rows; correct or drop the row, {remedy}"
             )
+        if segment.kind == "load":
+            flat = flat_top(test.stretch[segment.rows], test.nominal_stress[segment.rows])
+            if flat is not None:
+                i = segment.start + flat
+                raise TableError(
+                    f"{path}, row {lines[i]}: from here on the stress stays at {test.nominal_stress[i] * 1e3:.4g} kPa to the"
+                    f" last digit, its largest value, while the {test.abscissa} goes on: the load cell is saturated; leave"
+                    f" these rows out, {remedy}"
+                )
     first = next((segment for segment in test.segments if segment.kind == "load"), None)
     if first is None or zeroed or test.test == "biaxial":
         return
@@ -97,6 +110,27 @@ def _stress_at_rest(strain: np.ndarray, stress: np.ndarray) -> float:
     if len(strain) < 3 or np.ptp(strain) == 0:
         return 0.0
     return float(np.polyfit(strain, stress, 1)[1])
+
+
+def flat_top(stretch: np.ndarray, stress: np.ndarray) -> int | None:
+    """Return the first of many rows at exactly the largest stress while the stretch goes on; None where there are none.
+
+    Of a coarse channel rows are equal elsewhere too.
+    """
+    size = np.abs(stress)
+    size = np.round(
+        size / max(size.max(), 1e-300), 9
+    )  # forces that are equal make stresses that are nearly so
+    top = size == size.max()
+    others = size[~top]
+    if (
+        top.sum() < LEAST_FLAT
+        or len(others) < LEAST_ROWS
+        or np.ptp(stretch[top]) < FLAT_STRETCH * np.ptp(stretch)
+    ):
+        return None
+    _, counts = np.unique(others, return_counts=True)
+    return int(np.argmax(top)) if counts.max() < top.sum() / 2 else None
 
 
 def single_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:

@@ -150,7 +150,11 @@ def read_microindentation(
         ball_radius_mm=sidecar.ball_radius_mm,
         corrections=Corrections(odd_rows=sidecar.odd_rows),
     )
-    test = read_mapped(path, entry)[0]
+    test, *others = read_mapped(path, entry)
+    if others:
+        raise TableError(
+            f"{path}: holds {1 + len(others)} tables below each other; write each to a file of its own"
+        )
     assert isinstance(test, IndentationTest)  # by the entry's kind
     if like is None and sidecar.odd_rows == "refuse":  # the board is as stiff as it likes
         check_modulus(path, test, sidecar.ball_radius_mm, sidecar.layer_thickness_mm)
