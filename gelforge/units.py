@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 # unit -> (quantity, factor, offset): value * factor + offset. Factors are exact by definition of the units (NIST SP 811).
 UNITS: dict[str, tuple[str, float, float]] = {
     "1": ("number", 1.0, 0.0),
@@ -33,6 +35,7 @@ UNITS: dict[str, tuple[str, float, float]] = {
     "ns": ("time", 1e-9, 0.0),
     "min": ("time", 60.0, 0.0),
     "h": ("time", 3600.0, 0.0),
+    "h:mm:ss": ("time", 1.0, 0.0),  # a text, read as seconds
     "1/s": ("rate", 1.0, 0.0),
     "%/s": ("rate", 1e-2, 0.0),
     "degC": ("temperature", 1.0, 0.0),
@@ -62,6 +65,9 @@ SPELLINGS = {
     "sec": "s",
     "Sec": "s",
     "seconds": "s",
+    "hh:mm:ss": "h:mm:ss",
+    "m:ss": "h:mm:ss",
+    "mm:ss": "h:mm:ss",
     "msec": "ms",
     "hr": "h",
     "/s": "1/s",
@@ -89,6 +95,12 @@ def known_unit(text: str) -> str:
     if unit is None:
         raise ValueError(f"unit {text!r} is not known; one of {sorted(UNITS)}")
     return unit
+
+
+def unit_in_header(column: str) -> str | None:
+    """Return the key of UNITS that the name of a column ends in, as Load (N) or load_N; None where it names none."""
+    found = re.search(r"[\[({]\s*([^\[\](){}]+?)\s*[\])}]\s*$|_([A-Za-z]{1,3})$", column)
+    return unit_named(found.group(1) or found.group(2)) if found else None
 
 
 def looks_like_a_unit(text: str) -> bool:

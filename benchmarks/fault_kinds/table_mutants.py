@@ -169,6 +169,47 @@ def decimal_comma(table: Table, rng) -> Mutant:
     return Mutant(table.text(rows=rows, separator=separator), f"decimal commas, separated by {separator!r}")
 
 
+def thousands(table: Table, rng) -> Mutant:
+    column = table.column(rng)
+    grouped = [f"{1000 + k:,.1f}" for k in range(len(table.rows))]
+    rows = [[*cells[:column], f'"{text}"', *cells[column + 1 :]] for cells, text in zip(table.rows, grouped)]
+    return Mutant(table.text(rows=rows), f"{table.header[column]} with thousands separators")
+
+
+def clock(table: Table, rng) -> Mutant:
+    column = table.column(rng)
+    rows = [
+        [*cells[:column], f"{k // 3600}:{k // 60 % 60:02d}:{k % 60:02d}", *cells[column + 1 :]]
+        for k, cells in enumerate(table.rows)
+    ]
+    return Mutant(table.text(rows=rows), f"{table.header[column]} as h:mm:ss")
+
+
+def stacked(table: Table, rng) -> Mutant:
+    again = Table(table.text(), table.of)
+    again.above = []
+    title = "" if rng.integers(2) else f"Specimen {rng.integers(2, 9)}\n"
+    return Mutant(table.text() + title.encode() + again.text(), "the table again below itself")
+
+
+def saturated(table: Table, rng) -> Mutant:
+    """Clip the force across the press, or of a test machine, at a part of its largest value."""
+    names = [name for name in ("fz_N", "force_N", "Kraft") if name in table.header]
+    column = table.header.index(names[0]) if names else table.column(rng)
+    comma = table.separator == ";"
+    values = [
+        abs(float((cells[column] or "0").replace(",", ".") if comma else cells[column] or 0))
+        for cells in table.rows
+    ]
+    limit = float(f"{rng.uniform(0.5, 0.8) * max(values):.3g}")
+    change = lambda value: min(max(value, -limit), limit)  # noqa: E731
+    return Mutant(
+        table.changed([column], range(len(table.rows)), lambda text: table.number(text, change)),
+        f"{table.header[column]} clipped at {limit:g}",
+        not names,
+    )
+
+
 def separator_too_many(table: Table, rng) -> Mutant:
     row, before = int(rng.integers(len(table.rows))), int(rng.integers(len(table.header) + 1))
     rows = [list(cells) for cells in table.rows]
@@ -199,6 +240,10 @@ MUTATIONS: dict[str, Callable[[Table, np.random.Generator], Mutant]] = {
     "truncated": truncated,
     "encoding": encoding,
     "decimal comma": decimal_comma,
+    "thousands separators": thousands,
+    "times of a clock": clock,
+    "stacked tables": stacked,
+    "saturated": saturated,
     "separator too many": separator_too_many,
     "byte inserted": damaged,
 }

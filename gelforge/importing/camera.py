@@ -16,9 +16,11 @@ from gelforge.csv_table import read_csv
 from gelforge.importing.message_images import decoded, message_images
 from gelforge.importing.messages import is_bag
 from gelforge.importing.refusals import ImportingError, refuse_pickle
-from gelforge.importing.streams import refuse_gaps, refuse_other_unit, stamps
+from gelforge.importing.streams import refuse_gaps, refuse_other_unit
+from gelforge.importing.time_stamps import stamps, units_of
 from gelforge.progress import Progress
-from gelforge.recording.imaging.frames import SUFFIXES
+from gelforge.recording.imaging.frames import SUFFIXES, by_number
+from gelforge.recording.imaging.images import refuse_turned
 from gelforge.units import UNITS, known_unit
 
 SMALL_PX = 80  # width to which frames are reduced before they are compared
@@ -97,6 +99,7 @@ def write_frames(film: Film, wanted: dict[int, list[Path]]) -> None:
 
 
 def _read(file: Path) -> np.ndarray:
+    refuse_turned(file)
     image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise ImportingError(f"{file}: cannot be decoded as an image; copy it again or take it away")
@@ -117,7 +120,7 @@ def _frames(path: Path, topic: str | None) -> Iterator[tuple[str, float, np.ndar
     if topic:
         raise ImportingError(f"{path}: no bag or MCAP file, camera.topic does not apply; leave it out")
     if path.is_dir():
-        files = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+        files = sorted((p for p in path.iterdir() if p.suffix.lower() in SUFFIXES), key=by_number)
         if not files:
             raise ImportingError(
                 f"{path}: no images ({', '.join(sorted(SUFFIXES))}) in this folder; correct camera.frames"
@@ -170,11 +173,10 @@ def _times(
     table_path = folder / given(source.times, "camera.times")
     refuse_pickle(table_path)
     stamp = given(source.time, "camera.time")
-    iso = stamp.unit == "iso"
-    if not iso:
-        refuse_other_unit(table_path, stamp.column, stamp.unit, "camera.time")
-    declared = {} if iso else {stamp.column: stamp.unit}
-    key = {"texts" if iso else "numbers": [stamp.column]}
+    declared = {} if stamp.is_date else units_of(stamp)
+    for column, unit in declared.items():
+        refuse_other_unit(table_path, column, unit, "camera.time")
+    key = {"texts" if stamp.is_date else "numbers": stamp.columns}
     table = read_csv(table_path, **key, form=source.table.csv_form(declared))
     if len(table) != len(names):
         raise ImportingError(
@@ -199,6 +201,6 @@ def _times_in_names(path: Path, source: CameraSource, names: list[str]) -> np.nd
         k = int((np.diff(times) <= 0).argmax())
         raise ImportingError(
             f"{path}: the stamp of {names[k + 1]} is not after that of {names[k]}; name frames so that their order is"
-            " that of their stamps (digits of equal length)"
+            " that of their stamps"
         )
     return times

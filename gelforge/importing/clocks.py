@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,12 +39,21 @@ class Match:
 
 
 def coarse_match(
-    stage_s, travel, signal_s, signal, what: str, key: str, start_s: float = 0.0, known_s=None
+    stage_s,
+    travel,
+    signal_s,
+    signal,
+    what: str,
+    key: str,
+    start_s: float = 0.0,
+    known_s=None,
+    refine: Callable[[Match], float] = lambda match: match.lag_s,
 ) -> Match:
     """Return the lag at which a signal follows the stage. Raises ImportingError where none does, or several do.
 
     stage_s (n,) [s], travel (n,) [mm]; signal_s (m,) [s], signal (m,), any unit, growing with depth. start_s: by how much
-    the signal's clock shows more at its first row than the stage's at its own, for messages. known_s: a lag that is kept.
+    the signal's clock shows more at its first row than the stage's at its own, for messages. known_s: a
+    lag that is kept. refine: gives the lag about a match to a sample, for those that a message offers.
     """
     grid = np.arange(0, stage_s[-1], GRID_S)
     depth = np.interp(grid, stage_s, travel)
@@ -72,8 +82,13 @@ def coarse_match(
         and wrong[order[1]] == wrong[order[0]]
         and correlation[rival] >= RIVAL * correlation[chosen]
     ):
+        one, other = (
+            start_s
+            + refine(Match(float(lags[k]), float(correlation[k]), level, power, lags, correlation, None))
+            for k in (chosen, rival)
+        )
         raise ImportingError(
-            f"{what}: its clock may be {start_s + lags[chosen]:.2f} or {start_s + lags[rival]:.2f} s later than the stage's"
+            f"{what}: its clock may be {one:.3f} or {other:.3f} s later than the stage's"
             f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}): the indentations repeat; set"
             f" {key}.lag_s, or record a rest before the first and after the last indentation in both logs"
         )

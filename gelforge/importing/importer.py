@@ -19,7 +19,7 @@ from gelforge.importing.revisits import repeatability_mm
 from gelforge.importing.session_files import FORCE, Frames, place_of, rows_of_presses, write_session
 from gelforge.importing.stage_motion import Excursion, excursions
 from gelforge.importing.streams import Stream, read_force, read_stage
-from gelforge.importing.turning_points import Bends, ClockLaw, clock_law, find_bends
+from gelforge.importing.turning_points import Bends, ClockLaw, clock_law, find_bends, refined_lag
 from gelforge.indentation.planning.tolerance import tolerance_of_stage_mm
 from gelforge.recording.readings import force_on_sensor
 
@@ -168,10 +168,18 @@ def _aligned(
     what, start = str(log.path), log.start_s - stage.start_s
     travel = stage.values[:, 2]
     known = None if clock.lag_s is None else clock.lag_s - start
-    match = coarse_match(stage.time_s, travel, log.time_s, signal, what, key, start, known)
+
+    def refine(match: Match) -> float:
+        contact = match.contact_mm if level is None else level
+        return refined_lag(
+            find_bends(stage.time_s, travel, found, log.time_s, signal, match, contact), match.lag_s
+        )
+
+    match = coarse_match(stage.time_s, travel, log.time_s, signal, what, key, start, known, refine)
     contact = match.contact_mm if level is None else level
     bends = find_bends(stage.time_s, travel, found, log.time_s, signal, match, contact)
-    return Aligned(match, clock_law(bends, known, clock.drift, what, key), bends, start)
+    stamps = None if clock.rate_hz or clock.even else (log.time_s, stage.time_s)
+    return Aligned(match, clock_law(bends, known, clock.drift, what, key, stamps), bends, start)
 
 
 def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:

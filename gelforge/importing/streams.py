@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from gelforge.config import given
-from gelforge.config.foreign.importing import ForceSource, StageSource, Stamp
-from gelforge.config.foreign.mapping import TableForm
-from gelforge.csv_table import TableError, read_columns, read_csv
+from gelforge.config.foreign.importing import ForceSource, StageSource
+from gelforge.config.foreign.table_form import TableForm
+from gelforge.csv_table import TableError, lines_of, read_columns, read_csv
 from gelforge.importing.gcode import gcode_table
 from gelforge.importing.messages import is_bag, message_table
 from gelforge.importing.refusals import ImportingError, refuse_pickle
-from gelforge.recording.plausibility.streams import COARSEST_TICK_S, spread_stamps
-from gelforge.units import UNITS, known_unit, unit_named
+from gelforge.importing.time_stamps import stamps, units_of
+from gelforge.units import UNITS, known_unit, unit_in_header, unit_named
 
 LEAST_ROWS = 20
-UNEVEN_S = 0.25  # off the straight line through stamps that are declared even: samples were lost
 JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0  # from row to row, and so fast: no stage or robot that presses gels
 GAP_PERIODS = 10.0  # of a log without samples, and at least GAP_S: no clock can be aligned across it
 GAP_S = 0.5
+COUNTS = re.compile(r"counts?\s*(?:per|/)\s*(?:unit\s*)?(?:force|N|newton)[^\d-]*([\d.eE+]+)", re.IGNORECASE)
+FORCE_UNIT = re.compile(r"force\s*units?\W+([A-Za-z]+)", re.IGNORECASE)
+MOST_LINES_ABOVE = 100  # of a header
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,35 @@ class Stream:
 
 
 def read_force(folder: Path, source: ForceSource, stage: StageSource) -> Stream:
-    """Return the force log (n, 3) [N] as recorded."""
-    return _read(folder, source, "force", dict.fromkeys(source.columns, source.unit), stage)
+    """Return the force log (n, 3) [N] as recorded, counts divided by those of a unit."""
+    log = _read(folder, source, "force", dict.fromkeys(source.columns, source.unit), stage)
+    counts = source.counts_per_unit or counts_above_header(log.path, source, log.values)
+    return log if counts is None else replace(log, values=log.values / counts)
+
+
+def counts_above_header(path: Path, source: ForceSource, values: np.ndarray) -> float | None:
+    """Return the counts to one unit of force that a line above the header states, as ATI's programs write it.
+
+    None for values that are no whole numbers: they are forces already. Raises ImportingError where the lines state another
+    unit than the mapping.
+    """
+    whole = values / UNITS[known_unit(source.unit)][1]
+    if is_bag(path) or not (np.abs(whole - np.round(whole)) < 1e-6).all():
+        return None
+    top = lines_of(path, source.table.csv_form({}))[:MOST_LINES_ABOVE]
+    head = next((i for i, line in enumerate(top) if all(name in line for name in source.columns)), 0)
+    counts = None
+    for line in top[:head]:
+        if found := COUNTS.search(line):
+            counts = float(found.group(1))
+        said = FORCE_UNIT.search(line)
+        unit = unit_named(said.group(1)) if said else None
+        if unit and unit != known_unit(source.unit):
+            raise ImportingError(
+                f"{path}: a line above the header says {line.strip()!r}, force.unit says {source.unit}; set"
+                f" force.unit: {unit}"
+            )
+    return counts
 
 
 def read_stage(folder: Path, source: StageSource, force: ForceSource) -> Stream:
@@ -80,12 +108,13 @@ def _read(
         refuse_other_unit(path, name, unit, key)
     numbers, texts = list(units), []
     declared = dict(units)
-    if source.time and source.time.unit == "iso":
-        texts.append(source.time.column)
+    if source.time and source.time.is_date:
+        texts += source.time.columns
     elif source.time:
-        numbers.append(source.time.column)
-        declared[source.time.column] = source.time.unit
-        refuse_other_unit(path, source.time.column, source.time.unit, f"{key}.time")
+        numbers += source.time.columns
+        declared |= units_of(source.time)
+        for column, unit in units_of(source.time).items():
+            refuse_other_unit(path, column, unit, f"{key}.time")
     table = _table(folder, path, source, other, key, units, declared, numbers, texts)
     if len(table) < LEAST_ROWS:
         raise ImportingError(
@@ -109,7 +138,9 @@ def _table(folder, path, source, other, key, units, declared, numbers, texts) ->
     if isinstance(source, StageSource) and source.gcode:
         return gcode_table(path, numbers, source.gcode)
     try:
-        return read_csv(path, numbers=numbers, texts=texts, form=source.table.csv_form(declared))
+        # a table of several topics has rows without any of these values
+        form = source.table.csv_form(declared, shared_with=tuple(units))
+        return read_csv(path, numbers=numbers, texts=texts, form=form)
     except TableError as error:
         elsewhere, other_key = folder / other.file, "stage" if key == "force" else "force"
         swapped = (
@@ -127,8 +158,7 @@ def _table(folder, path, source, other, key, units, declared, numbers, texts) ->
 
 def refuse_other_unit(path: Path, column: str, unit: str, key: str) -> None:
     """Raise ImportingError where the name of a column ends in another unit than the declared one."""
-    said = re.search(r"[\[({]\s*([^\[\](){}]+?)\s*[\])}]\s*$|_([A-Za-z]{1,3})$", column)
-    found = said and unit_named(said.group(1) or said.group(2))
+    found = unit_in_header(column)
     if found and found != unit_named(unit):
         raise ImportingError(
             f"{path}: the column {column!r} says {found}, {key}.unit says {unit}; set {key}.unit: {found}, or correct the"
@@ -143,68 +173,6 @@ def _holds(path: Path, names: list[str], form: TableForm) -> bool:
     except TableError as error:
         return "is empty" in str(error)  # the columns are there
     return True
-
-
-def stamps(
-    path: Path, table: pd.DataFrame, stamp: Stamp | None, rate_hz: float | None, even: bool, key: str
-) -> np.ndarray:
-    """Return the times (n,) [s] of the rows of a table, as its clock shows them; shared stamps are spread."""
-    if rate_hz:
-        return np.arange(len(table)) / rate_hz
-    stamp = given(stamp, f"{key}.time")
-    if stamp.unit == "iso":
-        time = _iso(path, table, stamp.column)
-    else:
-        time = table[stamp.column].to_numpy(float) * UNITS[known_unit(stamp.unit)][1]
-    if even:
-        return _even(path, time, key)
-    backward = np.flatnonzero(np.diff(time) < 0)
-    if len(backward):
-        line = table.index[backward[0] + 1]
-        raise ImportingError(
-            f"{path}, row {line}: the time runs back by {time[backward[0]] - time[backward[0] + 1]:.4g} s; set"
-            f" {key}.even: true if rows were taken evenly and only the stamps jitter, else sort the rows by time or"
-            " name another column"
-        )
-    distinct, counts = np.unique(time, return_counts=True)
-    if len(distinct) < 2:
-        raise ImportingError(f"{path}: all rows have one time; name the column of time stamps in {key}.time")
-    if counts.max() > 1:
-        tick = float(np.median(np.diff(distinct)))
-        if tick > COARSEST_TICK_S:
-            raise ImportingError(
-                f"{path}: {counts.max()} rows share a stamp of a clock with steps of {tick:.3g} s, the limit is"
-                f" {COARSEST_TICK_S} s; name a finer column in {key}.time, or give {key}.rate_hz"
-            )
-        time = spread_stamps(distinct, counts, tick)
-    return time
-
-
-def _iso(path: Path, table: pd.DataFrame, column: str) -> np.ndarray:
-    try:
-        dates = pd.to_datetime(table[column], format="ISO8601", utc=True)
-    except ValueError:
-        parsed = pd.to_datetime(table[column], format="ISO8601", utc=True, errors="coerce")
-        line = parsed.index[parsed.isna()][0]
-        raise ImportingError(
-            f"{path}, row {line}: {column} is {table.at[line, column]!r}, no date and time of ISO 8601; correct the row"
-            " or declare the unit of the stamps"
-        ) from None
-    return dates.astype("datetime64[ns, UTC]").astype("int64").to_numpy() / 1e9
-
-
-def _even(path: Path, time: np.ndarray, key: str) -> np.ndarray:
-    """Return the straight line through stamps (n,) [s]."""
-    number = np.arange(len(time))
-    slope, offset = np.polyfit(number, time - time[0], 1)
-    line = offset + slope * number
-    off = np.abs(time - time[0] - line)
-    if slope <= 0 or off.max() > UNEVEN_S:
-        raise ImportingError(
-            f"{path}, row {int(off.argmax()) + 1} below the header: its stamp lies {off.max():.3g} s off the straight line"
-            f" through all, the limit is {UNEVEN_S} s: rows were lost; set {key}.even: false"
-        )
-    return time[0] + line
 
 
 def refuse_jumps(path: Path, time: np.ndarray, xyz: np.ndarray) -> None:

@@ -15,18 +15,16 @@ from scipy.ndimage import median_filter
 from gelforge.importing.clocks import Match
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion
+from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
 
 LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each indentation on its own
 RATE_STEPS = 6  # between which rates are taken
-BEND_S, BEND_STEP_S = 0.08, 0.002  # around that, each bend
 WINDOW_S = 0.35  # of the signal on each side of a bend
-LEAST_SAMPLES = 4  # on each side
-RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
-MOST_SAMPLES = 200  # of a bend's window: a faster log is averaged over neighbours
 LARGEST_SE_S = 0.01  # of the lag of the whole session
 DRIFT_S, DRIFT_SE = 0.006, 4.0  # over the session: drift beyond both
 JUMP_S, JUMP_SPREADS = 0.02, 5.0  # of an indentation's lag off the line
 LEAST_PRESSES = 3
+STEP_SHARE = 0.25  # of a jump of the lag, within which a step between two stamps explains it
 
 
 @dataclass(frozen=True)
@@ -134,50 +132,33 @@ def _bend(
     if min(before, after) <= BEND_S:
         return None
     for _ in range(RECENTRED):
-        found = _bend_near(at, lag, before - BEND_S, after - BEND_S, side, signal_s, signal)
+        found = bend_near(at, lag, before - BEND_S, after - BEND_S, side, signal_s, signal)
         if found is None or abs(found[0] - lag) < BEND_S - BEND_STEP_S:
             return found
         lag = found[0]
     return None
 
 
-def _bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, float] | None:
-    """Return lag and standard deviation [s] of a bend about a lag; one at the end of what is tried is farther off."""
-    a, b = np.searchsorted(signal_s, [at + lag - before, at + lag + after])
-    time, value = signal_s[a:b] - at - lag, signal[a:b]
-    if min((time < 0).sum(), (time > 0).sum()) < LEAST_SAMPLES:
-        return None
-    count = len(time) // MOST_SAMPLES + 1
-    whole = len(time) // count * count
-    time, value = (samples[:whole].reshape(-1, count).mean(axis=1) for samples in (time, value))
-    return _bend_time(time, value, side, lag)
+def refined_lag(bends: Bends, otherwise: float) -> float:
+    """Return the lag [s] that most indentations' bends have; otherwise: where they show none."""
+    if not len(bends.lag_s):
+        return otherwise
+    _, lag, sd = bends.by_press()
+    return _robust_mean(lag, sd)
 
 
-def _bend_time(time, value, side, lag) -> tuple[float, float] | None:
-    """Return lag and standard deviation [s]: two parabolas that meet, where they meet best."""
-    tries = np.arange(-BEND_S, BEND_S + BEND_STEP_S / 2, BEND_STEP_S)
-    left = np.empty(len(tries))
-    for i, bend in enumerate(tries):
-        t = time - bend
-        moving, resting = np.maximum(side * t, 0), np.maximum(-side * t, 0)
-        A = np.stack([np.ones_like(t), t, moving, moving**2, resting**2], axis=1)
-        rest = value - A @ np.linalg.lstsq(A, value, rcond=None)[0]
-        left[i] = rest @ rest
-    k = int(left.argmin())
-    if k in (0, len(tries) - 1):
-        return lag + float(tries[k]), np.inf
-    curve = (left[k - 1] - 2 * left[k] + left[k + 1]) / BEND_STEP_S**2
-    if curve <= 0:
-        return None
-    shift = 0.5 * (left[k - 1] - left[k + 1]) / (curve * BEND_STEP_S)
-    variance = left[k] / max(len(time) - 6, 1)
-    return lag + float(tries[k] + shift), float(max(np.sqrt(2 * variance / curve), 1e-4))
-
-
-def clock_law(bends: Bends, known: float | None, drift: bool, what: str, key: str) -> ClockLaw:
+def clock_law(
+    bends: Bends,
+    known: float | None,
+    drift: bool,
+    what: str,
+    key: str,
+    stamps: tuple[np.ndarray, np.ndarray] | None = None,
+) -> ClockLaw:
     """Return the law of a clock from its bends. Raises ImportingError where they make none, with the key that settles it.
 
-    known: the lag that the mapping gives, which is kept. drift: whether the clock may gain or lose.
+    known: the lag that the mapping gives, which is kept. drift: whether the clock may gain or lose. stamps: of the signal
+    and of the stage [s], where each row has its own: none of the signal's rows can then be lost without a trace.
     """
     if known is not None and not drift:
         return ClockLaw(known, 0.0, 0.0, bends)
@@ -191,7 +172,7 @@ def clock_law(bends: Bends, known: float | None, drift: bool, what: str, key: st
     change = straight * np.ptp(at)
     drifts = abs(change) > max(DRIFT_S, DRIFT_SE * slope_se * np.ptp(at))
     law = offset + straight * at if drifts else np.full(len(at), _robust_mean(lag, sd))
-    _refuse_jumps(at, lag, law, what, key)
+    _refuse_jumps(at, lag, law, what, key, stamps)
     if drifts and not drift:
         raise ImportingError(
             f"{what}: its clock {'gains' if change > 0 else 'loses'} {abs(change) * 1e3:.3g} ms over {np.ptp(at):.3g} s"
@@ -243,21 +224,48 @@ def _robust_mean(lag, sd) -> float:
     return float(np.average(lag[good], weights=1 / (sd[good] ** 2 + spread**2)))
 
 
-def _refuse_jumps(at, lag, law, what: str, key: str) -> None:
-    """Raise ImportingError where the lags of indentations leave their line: frames or rows were lost, or one was misread."""
+def _refuse_jumps(at, lag, law, what: str, key: str, stamps) -> None:
+    """Raise ImportingError where the lags of indentations leave their line: a clock was set, or frames or rows were lost."""
     steady = median_filter(lag, 3, mode="nearest")  # one indentation alone that was misread is no jump
     steps, off = np.abs(np.diff(steady)), np.abs(steady - law)
     limit = max(JUMP_S, JUMP_SPREADS * 1.4826 * float(np.median(np.abs(np.diff(lag)))))
     if max(off.max(), steps.max()) <= limit:
         return
     k = int(steps.argmax())
+    found = (
+        f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the indentations at {at[k]:.1f} and"
+        f" {at[k + 1]:.1f} s, the limit is {limit * 1e3:.2g} ms"
+    )
+    if stamps is not None:
+        raise ImportingError(f"{found}: {_stepped(stamps, steady[k : k + 2], at[k : k + 2], limit, key)}")
     rows = "frames" if key == "camera" else "rows"
     remedy = (
         "name their own time stamps (camera.times, camera.from_name)"
         if key == "camera"
         else f"name time stamps of each row in {key}.time"
     )
-    raise ImportingError(
-        f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the indentations at {at[k]:.1f} and"
-        f" {at[k + 1]:.1f} s, the limit is {limit * 1e3:.2g} ms: {rows} were dropped; {remedy}, or record again"
-    )
+    raise ImportingError(f"{found}: {rows} were dropped; {remedy}, or record again")
+
+
+def _stepped(stamps, lags, at, limit: float, key: str) -> str:
+    """Return which of two clocks was set between two indentations, and what to do.
+
+    stamps: of the signal and of the stage [s]; lags, at (2,): before and after. A clock that is set leaves one step between
+    its rows that is longer by the change of the lag.
+    """
+    jump = float(lags[1] - lags[0])
+    remedy = f"split the session there into two, or log both with one steady clock ({key}.rate_hz where rows are even)"
+    for whose, time, sign, lag in (
+        (f"the clock of {key}", stamps[0], 1, lags),
+        ("the stage's clock", stamps[1], -1, (0, 0)),
+    ):
+        first = np.searchsorted(time, [at[0] + min(lag), at[1] + max(lag)])
+        near = slice(max(int(first[0]) - 1, 0), int(first[1]) + 1)
+        steps = np.diff(time[near])
+        if not len(steps):
+            continue
+        longer = float(steps.max() - np.median(np.diff(time)))
+        if abs(longer - sign * jump) <= max(limit, STEP_SHARE * abs(jump)):
+            where = float(time[near][int(steps.argmax())])
+            return f"{whose} steps by {longer:.3g} s at {where:.5g} s after its beginning; {remedy}"
+    return f"one of the clocks was set, or rows were stamped late; {remedy}"

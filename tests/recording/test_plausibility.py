@@ -224,6 +224,16 @@ def test_the_delay_that_a_refusal_names_mends_the_lag(tmp_path):
     )  # 0.04 s at 1 mm/s of 0.6 N/mm
 
 
+@pytest.mark.parametrize("log_s", [0.005, 0.02])
+@pytest.mark.parametrize("lag", [0.4312, -1.2345])
+@pytest.mark.parametrize("traits", [{}, {"relaxes": 0.7}, {"speed": 4.0}], ids=str)
+def test_the_delay_that_a_refusal_names_is_right_to_a_sample(tmp_path, log_s, lag, traits):
+    folder = generate(tmp_path / "s", Kind(log_s=log_s, fault={"lag_s": lag}, **traits))
+    with pytest.raises(RecordingError, match=r"delay_s: (\S+) in") as refused:
+        read_recording(folder)
+    assert abs(float(str(refused.value).split("delay_s: ")[1].split()[0]) - lag) <= log_s
+
+
 def test_a_confirmed_finding_is_a_note(tmp_path):
     kind = Kind(tared=True, drift_N_per_s=5e-4, fault={"session": {"confirmed": ["force_before_touch"]}})
     recording = read_recording(generate(tmp_path / "s", kind))

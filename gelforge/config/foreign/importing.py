@@ -12,7 +12,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from gelforge.config.basis.common import NonNegative, Positive, Section
-from gelforge.config.foreign.mapping import TableForm
+from gelforge.config.foreign.table_form import TableForm
 from gelforge.config.studies.files import load_section
 from gelforge.units import UNITS, unit_named
 
@@ -27,16 +27,53 @@ def _known(unit: str, quantity: str, key: str) -> str:
 
 
 class Stamp(Section):
-    """The column that holds the time of a row."""
+    """The column, or the two columns, that hold the time of a row."""
 
-    column: str = Field(description="name in the header, or the number from 1 where there is none")
-    unit: str = Field(description="unit of the stamps (s, ms, us, ns, min), or iso: date and time, ISO 8601")
+    column: str | list[str] = Field(
+        description="name in the header, or the number from 1 where there is none; two names: a date and a time of day, or"
+        " seconds and their fraction"
+    )
+    unit: str | list[str] = Field(
+        "iso",
+        description="unit of the stamps (s, ms, us, ns, min, h:mm:ss), of each of two columns of numbers, or iso: date and"
+        " time, ISO 8601 unless `format` says otherwise",
+    )
+    format: str | None = Field(
+        None,
+        min_length=1,
+        description="how date and time are written, as strptime has it: '%m/%d/%Y %I:%M:%S.%f %p'",
+    )
 
     @model_validator(mode="after")
     def _unit_known(self):
-        if self.unit != "iso":
-            _known(self.unit, "time", "unit (or iso)")
+        if not 1 <= len(self.columns) <= 2:
+            raise ValueError("column is one name, or two")
+        if self.is_date:
+            return self
+        if self.format:
+            raise ValueError(f"format is for dates, unit {self.unit!r} for numbers; leave one of them out")
+        if len(self.units) != len(self.columns):
+            raise ValueError(
+                f"{len(self.columns)} columns of stamps and {len(self.units)} units; give each its unit"
+            )
+        for unit in self.units:
+            _known(unit, "time", "unit (or iso)")
         return self
+
+    @property
+    def columns(self) -> list[str]:
+        """Return the names of the columns."""
+        return [self.column] if isinstance(self.column, str) else self.column
+
+    @property
+    def units(self) -> list[str]:
+        """Return the unit of each column."""
+        return [self.unit] if isinstance(self.unit, str) else self.unit
+
+    @property
+    def is_date(self) -> bool:
+        """Return whether the columns hold texts of date and time."""
+        return self.unit == "iso"
 
 
 class Clock(Section):
@@ -79,6 +116,11 @@ class ForceSource(Clock):
         min_length=3, max_length=3, description="columns of the force along the sensor's x, y and z"
     )
     unit: str = Field(description="unit of the force: N, mN, lbf, ...")
+    counts_per_unit: Positive | None = Field(
+        None,
+        description="the columns hold counts, so many to one unit of force; null: as a line above the header says, if the"
+        " values are whole numbers",
+    )
 
     @model_validator(mode="after")
     def _complete(self):

@@ -7,7 +7,6 @@ the table reader behind it loads pandas, which a site's job does without.
 
 from __future__ import annotations
 
-import codecs
 import re
 from fnmatch import fnmatch
 from pathlib import Path
@@ -16,8 +15,9 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from gelforge.config.basis.common import ConfigError, Name, Positive, Section
+from gelforge.config.foreign.table_form import TableForm
 from gelforge.config.studies.files import load_section
-from gelforge.csv_table import CsvForm, RowFilter
+from gelforge.csv_table import RowFilter
 from gelforge.units import UNITS, known_unit
 
 STRAIN_QUANTITY = {
@@ -44,49 +44,6 @@ def _file_name(name: str) -> str:
 
 
 FileName = Annotated[str, AfterValidator(_file_name)]
-
-
-class TableForm(Section):
-    """How the table is written."""
-
-    separator: Literal[",", ";", "tab", "space"] = Field(",", description="between the values of a row")
-    decimal: Literal[".", ","] = Field(".", description="decimal sign; the other one is refused")
-    encoding: str = Field("utf-8-sig", description="text encoding, e.g. latin-1")
-    comment: str = Field("#%", description="each of these signs begins a comment line above the header")
-    skip_rows: int = Field(0, ge=0, description="lines above the header that are not part of the table [-]")
-    header: bool = Field(True, description="a header names the columns; else they are called 1, 2, 3, ...")
-    header_begins_with: str | None = Field(
-        None,
-        min_length=1,
-        description="text with which the header line begins, wherever it stands; null: the line after comments and "
-        "`skip_rows`, or, where that lacks the columns, the only line that names them all",
-    )
-    units_row: bool | None = Field(
-        None, description="the line below the header holds units; null: where it can be nothing else"
-    )
-    columns: int | None = Field(None, ge=1, description="number of columns, where there is no header [-]")
-
-    @model_validator(mode="after")
-    def _columns(self):
-        if self.header == (self.columns is not None):
-            raise ValueError("`columns` (their number) goes with `header: false`, and only with it")
-        if self.header_begins_with and (not self.header or self.skip_rows):
-            raise ValueError(
-                "`header_begins_with` finds the header by itself; leave `skip_rows` and `header` out"
-            )
-        try:
-            codecs.lookup(self.encoding)
-        except (LookupError, ValueError):  # ValueError: a name with a null character
-            raise ValueError(
-                f"encoding {self.encoding!r} is not known; e.g. utf-8, latin-1, cp1252, utf-16"
-            ) from None
-        return self
-
-    def csv_form(self, units: dict[str, str], rows: tuple[RowFilter, ...] = ()) -> CsvForm:
-        """Return the form as the CSV reader takes it, with the units declared by column and the filter of rows."""
-        signs = {"tab": "\t", "space": " "}
-        changed = {"separator": signs.get(self.separator, self.separator), "units": units, "rows": rows}
-        return CsvForm(**(self.model_dump() | changed), find_header=True)
 
 
 class Column(Section):
@@ -196,6 +153,14 @@ class Corrections(Section):
         "refuse",
         description="single rows far off their curve, and a start under load: refuse, or keep as right",
     )
+    unsorted: Literal["refuse", "sort"] = Field(
+        "refuse",
+        description="rows in no order, as digitised points: refuse, or sort by stretch (without a time)",
+    )
+    after_fall: Literal["refuse", "cut", "keep"] = Field(
+        "refuse",
+        description="rows after a sudden fall of the stress (rupture, slip of the grip): refuse, cut there, or keep",
+    )
     repeated_time: Literal["keep", "average"] = Field("keep", description="rows with the same time stamp")
 
 
@@ -226,6 +191,7 @@ class TestMapping(Section):
     __test__ = False  # not a test case for pytest
 
     files: list[str] = Field(min_length=1, description="patterns of file names, e.g. '*__UT.csv'")
+    optional: bool = Field(False, description="whether the entry may find no file")
     kind: Literal[
         "uniaxial",
         "compression",
@@ -321,7 +287,8 @@ class TestMapping(Section):
 
 
 class Mapping(Section):
-    """A folder's files: each is read by the first entry one of whose patterns fits its name."""
+    """A folder's files: each is read by the first entry one of whose patterns fits its name, and by all entries that repeat
+    that pattern: curves side by side in one table."""
 
     describes: str = Field(description="whose files these are, in words")
     ignore: list[str] = Field(
@@ -329,7 +296,9 @@ class Mapping(Section):
     )
     common: dict[str, Any] = Field({}, description="keys that every entry has unless it gives its own")
     tests: list[TestMapping] = Field(
-        min_length=1, description="entries; a file is read by the first one with a pattern that fits its name"
+        min_length=1,
+        description="entries; a file is read by the first one with a pattern that fits its name, and by others with the"
+        " same pattern",
     )
 
     @model_validator(mode="before")
@@ -341,16 +310,21 @@ class Mapping(Section):
             content = {**content, "tests": tests}
         return content
 
-    def entry_for(self, name: str) -> TestMapping | None:
-        """Return the entry that reads a file of this name (relative to the folder), None for an ignored one."""
+    def entries_for(self, name: str) -> list[TestMapping]:
+        """Return the entries that read a file of this name (relative to the folder); none for an ignored one."""
         short = name.rsplit("/", 1)[-1]
         if any(fnmatch(short, pattern) for pattern in self.ignore):
-            return None
+            return []
         for entry in self.tests:
-            if any(fnmatch(name, pattern) or fnmatch(short, pattern) for pattern in entry.files):
-                return entry
+            for pattern in entry.files:
+                if fnmatch(name, pattern) or fnmatch(short, pattern):
+                    return [other for other in self.tests if other is entry or pattern in other.files]
         patterns = [pattern for entry in self.tests for pattern in entry.files]
         raise ConfigError(f"{name}: no entry of the mapping fits this file; its patterns are {patterns}")
+
+    def entry_for(self, name: str) -> TestMapping | None:
+        """Return the first entry that reads a file of this name (relative to the folder), None for an ignored one."""
+        return next(iter(self.entries_for(name)), None)
 
 
 LARGEST_BALL_MM = 200.0

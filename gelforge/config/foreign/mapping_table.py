@@ -19,10 +19,10 @@ from gelforge.config.foreign.mapping import (
     Rows,
     Strain,
     Stress,
-    TableForm,
     TestMapping,
     Time,
 )
+from gelforge.config.foreign.table_form import TableForm
 from gelforge.files import write_text
 from gelforge.units import UNITS
 
@@ -59,6 +59,9 @@ a dot stands inside the key before the dot. A column (`strain`, `stress`, `time`
 
 Units: {units}. Other spellings, such as N/mm2 or lbs, are known too.
 
+A table of several specimens, each below the same header, is read as one specimen for each; its title names it. Curves side
+by side in one table are read by entries with the same pattern. `h:mm:ss` is read as a time of day, 62:03.5 too.
+
 Files of one name in several folders are specimens of their own, called by folder and file. Separators at the end of all
 rows are ignored. A line of units below the header is recognised and compared with the declared units. What is odd (a toe, a
 slack, repeated stamps, a declared rate that the columns contradict, specimens that differ by more than their noise) is
@@ -84,6 +87,7 @@ EXAMPLES = {
     "common": "{material: ecoflex}",
     "tests": "[{files: ['*.csv'], kind: uniaxial, ...}]",
     "tests.files": "['zug_*.csv']",
+    "tests.optional": "true",
     "tests.kind": "pure_shear",
     "tests.history": "cyclic",
     "tests.table": "{separator: ';', decimal: ','}",
@@ -119,6 +123,7 @@ EXAMPLES = {
     "tests.corrections": "{toe: remove}",
     "table.separator": "';'",
     "table.decimal": "','",
+    "table.thousands": "','",
     "table.encoding": "latin-1",
     "table.comment": "'#'",
     "table.skip_rows": "3",
@@ -147,6 +152,8 @@ EXAMPLES = {
     "corrections.zero_strain": "true",
     "corrections.time": "sort",
     "corrections.odd_rows": "keep",
+    "corrections.unsorted": "sort",
+    "corrections.after_fall": "cut",
     "corrections.repeated_time": "average",
 }
 

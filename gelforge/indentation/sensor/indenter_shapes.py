@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Indenter, IndenterPart, Study, given
+from gelforge.indentation.sensor.obj_surface import obj_triangles
 from gelforge.mechanics.indenters.shapes import (
     DOWN,
     Box,
@@ -98,11 +99,16 @@ def part_corners(part: IndenterPart) -> np.ndarray:
 
 
 def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (V, 3) in the file's unit and triangles (T, 3) of an STL, PLY or OBJ file, quads cut in two."""
+    """Return vertices (V, 3) in the file's unit and triangles (T, 3) of an STL, PLY or OBJ file, polygons cut."""
     import meshio
 
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; name an STL, PLY or OBJ file that exists")
+    if path.suffix.lower() == ".obj":
+        vertices, triangles = obj_triangles(path)
+        if not len(triangles):
+            raise ConfigError(f"{path}: no face; save the body's surface as triangles")
+        return vertices, triangles
     try:
         with np.errstate(
             over="ignore"

@@ -12,6 +12,7 @@ import numpy as np
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.segments import TOLERANCE, largest_back_step
 from gelforge.materials.basis.stresses import neo_hookean_shape
+from gelforge.materials.plausibility.rest_force import rest_words
 
 FEW_ROWS = 20  # below, the scatter of a fit rests on too few residuals
 STRAIN_AT_START = 0.005  # a first row further from rest than this was not taken at the start
@@ -183,8 +184,8 @@ def _rest_stress(test):
     largest = np.nanmax(np.abs(test.nominal_stress))
     if abs(found[0]) > max(SIGMAS * found[1], 5e-4 * largest):
         yield (
-            f"{found[0] * 1e3:.4g} kPa ({abs(found[0]) / largest:.2%} of the largest) at rest: offset of the force"
-            " (`zero_force` subtracts it)"
+            f"{found[0] * 1e3:.4g} kPa ({abs(found[0]) / largest:.2%} of the largest) at rest:"
+            f" {rest_words(test, found[0])}"
         )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.plausibility.rest_force import rest_words
 
 SINGLE_SHARE = (
     0.1  # of the loading's range of stress: load cells err by a hundredth of this, a lost digit by more
@@ -27,12 +28,20 @@ REST_STRESS = 0.2  # of the largest stress, the least that matters of what rest 
 REST_SHARE = (
     0.7  # of the stress near rest, by a straight line to rest: any power of the strain above 0.2 has less
 )
+LEAST_FLAT, FLAT_STRETCH = (
+    5,
+    0.02,
+)  # rows at the largest stress, and share of the range of stretch that they cover
+AT_REST, LEAST_REST_STRESS = (
+    1e-3,
+    0.1,
+)  # strain; of the largest stress, beyond which it doubles the small-strain modulus
 
 
 def check_rows(
-    path: Path, lines: Sequence[int], test: MaterialTest, remedy: str, zeroed: bool = False
+    path: Path, lines: Sequence[int], test: MaterialTest, remedy: str, zeroed: bool = False, toe: bool = False
 ) -> None:
-    """Refuse a single row far off its curve, and a start under load unless the force is zeroed.
+    """Refuse a single row far off its curve, and a start under load unless the force is zeroed, or its origin moved (toe).
 
     lines: the row numbers in the file; remedy: how to confirm. Raises TableError.
     """
@@ -48,6 +57,15 @@ def check_rows(
                 f"{path}, row {lines[i]}: a nominal stress of {test.nominal_stress[i] * 1e3:.4g} kPa at"
                 f" {test.abscissa} {test.stretch[i]:.4g}, far off the neighbouring rows; correct or drop the row, {remedy}"
             )
+        if segment.kind == "load":
+            flat = flat_top(test.stretch[segment.rows], test.nominal_stress[segment.rows])
+            if flat is not None:
+                i = segment.start + flat
+                raise TableError(
+                    f"{path}, row {lines[i]}: from here on the stress stays at {test.nominal_stress[i] * 1e3:.4g} kPa to the"
+                    f" last digit, its largest value, while the {test.abscissa} goes on: the load cell is saturated; leave"
+                    f" these rows out, {remedy}"
+                )
     first = next((segment for segment in test.segments if segment.kind == "load"), None)
     if first is None or zeroed or test.test == "biaxial":
         return
@@ -60,13 +78,31 @@ def check_rows(
             f" strain; {START_STRESS:.0%} at most are expected: check the columns, subtract the force at rest"
             f" (`zero_force`), {remedy}"
         )
+    if toe:
+        return
+    resting = strain <= AT_REST
+    if resting.any():
+        rest = float(np.median(test.nominal_stress[first.rows][resting]))
+        if abs(rest) > max(LEAST_REST_STRESS * stress.max(), 5 * _scatter(stress) / np.sqrt(resting.sum())):
+            raise TableError(
+                f"{path}: {rest * 1e3:.4g} kPa, {abs(rest) / stress.max():.0%} of the largest stress, at {test.abscissa}"
+                f" {test.at_rest:g}; {LEAST_REST_STRESS:.0%} at most are expected: {rest_words(test, rest)}, {remedy}"
+            )
     unstrained = _stress_at_rest(strain[near], stress[near])
     if unstrained > max(REST_STRESS * stress.max(), REST_SHARE * np.median(stress[near])):
         raise TableError(
             f"{path}: the rows before a tenth of the strain lead to {unstrained / stress.max():.0%} of the largest stress at"
-            f" {test.abscissa} {test.at_rest:g}; {REST_STRESS:.0%} at most are expected: check the columns, subtract the"
-            f" force at rest (`zero_force`), {remedy}"
+            f" {test.abscissa} {test.at_rest:g}; {REST_STRESS:.0%} at most are expected: check the columns;"
+            f" {rest_words(test, unstrained * np.sign(np.median(test.nominal_stress[first.rows])))}, {remedy}"
         )
+
+
+def _scatter(stress: np.ndarray) -> float:
+    """Return the standard deviation of a row about the line through its neighbours (robust)."""
+    if len(stress) < LEAST_ROWS:
+        return 0.0
+    off = stress[1:-1] - (stress[:-2] + stress[2:]) / 2
+    return float(1.4826 * np.median(np.abs(off)) / np.sqrt(1.5))
 
 
 def _stress_at_rest(strain: np.ndarray, stress: np.ndarray) -> float:
@@ -74,6 +110,27 @@ def _stress_at_rest(strain: np.ndarray, stress: np.ndarray) -> float:
     if len(strain) < 3 or np.ptp(strain) == 0:
         return 0.0
     return float(np.polyfit(strain, stress, 1)[1])
+
+
+def flat_top(stretch: np.ndarray, stress: np.ndarray) -> int | None:
+    """Return the first of many rows at exactly the largest stress while the stretch goes on; None where there are none.
+
+    Of a coarse channel rows are equal elsewhere too.
+    """
+    size = np.abs(stress)
+    size = np.round(
+        size / max(size.max(), 1e-300), 9
+    )  # forces that are equal make stresses that are nearly so
+    top = size == size.max()
+    others = size[~top]
+    if (
+        top.sum() < LEAST_FLAT
+        or len(others) < LEAST_ROWS
+        or np.ptp(stretch[top]) < FLAT_STRETCH * np.ptp(stretch)
+    ):
+        return None
+    _, counts = np.unique(others, return_counts=True)
+    return int(np.argmax(top)) if counts.max() < top.sum() / 2 else None
 
 
 def single_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:

@@ -22,6 +22,7 @@ DECLARED_RATE = 5.0
 WRONG_UNIT = 1000.0  # between MPa, kPa and Pa, N and mN, mm and um
 AGREES = 0.02  # of the largest value, between two measures of the same test
 DISAGREEING_ROWS = 0.1
+TURNS, FAR_STEPS = 0.45, 0.1  # of the rows, and of the range: random order turns at two thirds, by a third
 
 
 def check_range(path, entry, table, test: MaterialTest) -> None:
@@ -45,8 +46,16 @@ def check_range(path, entry, table, test: MaterialTest) -> None:
 
 
 def checked_segments(path, entry, table, test, at_rest) -> tuple[Segment, ...]:
+    if entry.history != "relaxation" and in_no_order(test.stretch):
+        raise TableError(f"{path}: {test.sample}: {_unordered(entry, test)}")
     if entry.history != "monotonic":
-        return find_segments(test.stretch, test.time_s, at_rest)
+        segments = find_segments(test.stretch, test.time_s, at_rest)
+        if entry.history == "cyclic" and all(segment.kind != "load" for segment in segments):
+            raise TableError(
+                f"{path}: {test.sample}: the stretch never grows away from {at_rest:g}: no loading is found in"
+                f" {len(test.stretch)} rows; check {entry.strain.column} and the order of the rows"
+            )
+        return segments
     if np.ptp(test.stretch) < LEAST_STRAIN / 2:
         raise TableError(
             f"{path}: {test.sample}: the stretch stays at {test.stretch[0]:.4g}; a monotonic test is declared, set"
@@ -54,12 +63,36 @@ def checked_segments(path, entry, table, test, at_rest) -> tuple[Segment, ...]:
         )
     back = first_reversal(test.stretch)
     if back is not None:
+        order = ""
+        if test.time_s is None:
+            order = "; where the points are in no order, sort them with `corrections: {unsorted: sort}`"
         raise TableError(
             f"{path}, row {table.index[back]}: {test.sample}: stretch {test.stretch[back]:.5g} after"
             f" {test.stretch[:back][np.argmax(np.abs(test.stretch[:back] - test.stretch[0]))]:.5g};"
-            " a monotonic test is declared; set `history: cyclic`, or split the cycle"
+            f" a monotonic test is declared; set `history: cyclic`, or split the cycle{order}"
         )
     return (Segment("load", 0, len(test.stretch), 1),)
+
+
+def in_no_order(stretch: np.ndarray) -> bool:
+    """Return whether the stretch (n,) turns at nearly every other row, and far: points in any order, no cycles."""
+    steps = np.diff(stretch)
+    steps = steps[steps != 0]
+    if len(steps) < 4:
+        return False
+    turns = float(np.mean(np.sign(steps[1:]) != np.sign(steps[:-1])))
+    return turns > TURNS and float(np.median(np.abs(steps))) > FAR_STEPS * np.ptp(stretch)
+
+
+def _unordered(entry, test: MaterialTest) -> str:
+    turns = int((np.diff(np.sign(np.diff(test.stretch))) != 0).sum())
+    remedy = "sort them by it, or set `corrections: {unsorted: sort}`"
+    if test.time_s is not None:
+        remedy = f"check that {entry.time.column} and {entry.strain.column} belong together"
+    return (
+        f"the rows are in no order of the stretch, {entry.strain.column} turns at {turns} of {len(test.stretch)} rows;"
+        f" {remedy}"
+    )
 
 
 def check_stiffness(path, entry, test: MaterialTest) -> list[str]:

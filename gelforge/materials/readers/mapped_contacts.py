@@ -8,7 +8,7 @@ from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest
 from gelforge.materials.basis.segments import first_reversal
 from gelforge.materials.plausibility.findings import few_rows
-from gelforge.materials.plausibility.odd_rows import single_row
+from gelforge.materials.plausibility.odd_rows import flat_top, single_row
 from gelforge.materials.readers.mapped_checks import unnoticed_unit
 from gelforge.materials.readers.mapped_columns import values
 from gelforge.materials.small_tests.microindentation import layer_factor
@@ -89,6 +89,13 @@ def _check_single_rows(path, lines, position, force, segment) -> None:
     names = [""] if segment is None else dict.fromkeys(segment)
     for name in names:
         own = np.arange(len(force)) if segment is None else np.flatnonzero(segment == name)
+        flat = flat_top(position[own], force[own] - force[own[0]])
+        if flat is not None:
+            raise TableError(
+                f"{path}, row {lines[own[flat]]}: from here on the force stays at {force[own[flat]]:.4g} N to the last digit,"
+                " its largest value, while the indenter goes deeper: the load cell is saturated; leave these rows out, or"
+                " confirm it (`odd_rows: keep`)"
+            )
         row = single_row(position[own], force[own])
         if row is not None:
             raise TableError(

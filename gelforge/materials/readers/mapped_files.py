@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +21,9 @@ from gelforge.config.foreign.mapping import (
     TestMapping,
     load_microindentation,
 )
-from gelforge.csv_table import TableError, read_csv
+from gelforge.csv_table import CsvForm, TableError, blocks, read_csv
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest, MaterialTest
+from gelforge.materials.plausibility.falls import fall_while_loading, fall_words
 from gelforge.materials.plausibility.findings import corrected, findings, rate_while_loading
 from gelforge.materials.plausibility.odd_rows import check_rows
 from gelforge.materials.readers.mapped_checks import (
@@ -39,6 +41,7 @@ from gelforge.materials.readers.mapped_columns import (
     values,
 )
 from gelforge.materials.readers.mapped_contacts import check_modulus, force_pair, indentation_test
+from gelforge.units import UNITS, unit_in_header
 
 LEAST_ROWS = 5
 
@@ -55,16 +58,42 @@ def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
     paths = [path for path in everything if not path.is_dir()]
     _check_folders(folder, mapping, [path for path in everything if path.is_dir()], paths)
     names = [path.relative_to(folder).as_posix() for path in paths]
-    entries = [mapping.entry_for(name) for name in names]
+    entries = [mapping.entries_for(name) for name in names]
     tests: list[Read] = [
         replace(test, source=name)
-        for path, name, entry in zip(paths, names, entries)
-        if entry
-        for test in read_mapped(path, entry)
+        for path, name, found in zip(paths, names, entries)
+        for test in read_by_all(path, found)
     ]
     if not tests:
         raise TableError(f"{folder}: no file of a mechanical test; the mapping is for {mapping.describes}")
+    _check_entries(folder, mapping, entries)
     return tests
+
+
+def read_by_all(path: Path, entries: Sequence[TestMapping]) -> list[Read]:
+    """Return the tests that all of the entries read of one file; of several with one kind the stress names the sample."""
+    kinds = Counter(entry.kind for entry in entries)
+    return [
+        replace(test, sample=f"{test.sample}_{column.column}")
+        if kinds[entry.kind] > 1
+        and (column := entry.stress or entry.force)
+        and isinstance(test, MaterialTest)
+        else test
+        for entry in entries
+        for test in read_mapped(path, entry)
+    ]
+
+
+def _check_entries(folder: Path, mapping: Mapping, used: Sequence[Sequence[TestMapping]]) -> None:
+    """Refuse an entry of the mapping that reads no file: a misspelt pattern, or one that an earlier entry takes all of."""
+    reading = {id(entry) for found in used for entry in found}
+    for number, entry in enumerate(mapping.tests, 1):
+        if id(entry) not in reading and not entry.optional:
+            raise TableError(
+                f"{folder}: entry {number} of the mapping ({entry.kind}, files {entry.files}) reads no file; correct"
+                " `files`, move it before an entry that takes its files, repeat that entry's pattern if both read one table,"
+                " or set `optional: true`"
+            )
 
 
 def _check_folders(folder: Path, mapping: Mapping, folders: Sequence[Path], files: Sequence[Path]) -> None:
@@ -88,10 +117,20 @@ def read_mapped(path: str | Path, entry: TestMapping) -> list[Read]:
     Raises TableError with file, row, value, limit and remedy for what cannot be right.
     """
     path = Path(path)
-    table = _table(path, entry)
-    groups = table.groupby(entry.split, sort=False) if entry.split else [("", table)]
-    named = _from_name(path, entry)
-    return [_test(path, entry, rows, str(value), dict(named)) for value, rows in groups]
+    named, columns = _from_name(path, entry), _columns(entry)
+    _check_headers(path, columns)
+    form = _form(entry, columns)
+    stacked = blocks(path, list(dict.fromkeys(column.column for column in columns)), form)
+    tests: list[Read] = []
+    for number, (title, part) in enumerate(stacked, 1):
+        table = _table(path, entry, columns, part)
+        own = f"{title or f'{path.stem}_{number}'}" if len(stacked) > 1 else ""
+        groups = table.groupby(entry.split, sort=False) if entry.split else [("", table)]
+        tests += [
+            _test(path, entry, rows, "_".join(filter(None, (own, str(value)))), dict(named))
+            for value, rows in groups
+        ]
+    return tests
 
 
 def read_microindentation(
@@ -111,30 +150,57 @@ def read_microindentation(
         ball_radius_mm=sidecar.ball_radius_mm,
         corrections=Corrections(odd_rows=sidecar.odd_rows),
     )
-    test = read_mapped(path, entry)[0]
+    test, *others = read_mapped(path, entry)
+    if others:
+        raise TableError(
+            f"{path}: holds {1 + len(others)} tables below each other; write each to a file of its own"
+        )
     assert isinstance(test, IndentationTest)  # by the entry's kind
     if like is None and sidecar.odd_rows == "refuse":  # the board is as stiff as it likes
         check_modulus(path, test, sidecar.ball_radius_mm, sidecar.layer_thickness_mm)
     return test, sidecar
 
 
-def _table(path: Path, entry: TestMapping) -> pd.DataFrame:
+def _columns(entry: TestMapping) -> list[Column]:
+    """Return the columns with numbers that an entry names."""
     named = [entry.strain, entry.stress, entry.time, entry.radius, entry.height, entry.force, entry.force_2]
     named += [entry.rate, entry.temperature, *entry.also]
     if entry.lateral:
         named += [entry.lateral.strain, entry.lateral.stress]
     named += [c.at for c in named if isinstance(c, Stress) and c.at]
-    columns = [column for column in named if column]
-    names = [column.column for column in columns]
+    return [column for column in named if column]
+
+
+def _check_headers(path: Path, columns: Sequence[Column]) -> None:
+    """Refuse a column whose name in brackets states another unit than the mapping does."""
+    for column in columns:
+        if getattr(column, "measure", "") == "gap":  # a ratio to the first gap: no unit enters
+            continue
+        said = unit_in_header(column.column)
+        bracketed = column.column.rstrip()[-1:] in (")", "]", "}")
+        if said in (None, "1") or said == column.known_unit:
+            continue
+        if bracketed or UNITS[said][0] == UNITS[column.known_unit][0]:
+            raise TableError(
+                f"{path}: the column {column.column!r} says {said}, the mapping declares {column.unit}; check the units:"
+                f" set `unit: {said}` (and the `measure` that goes with it), or correct the header"
+            )
+
+
+def _form(entry: TestMapping, columns: Sequence[Column]) -> CsvForm:
+    """Return how the table of an entry is written; rows without any of its values are those of curves next to it."""
+    units = {c.column: c.known_unit for c in columns}
+    return entry.table.csv_form(units, tuple(row.filter for row in entry.rows), tuple(units))
+
+
+def _table(path: Path, entry: TestMapping, columns: Sequence[Column], form: CsvForm) -> pd.DataFrame:
     texts = [name for name in (entry.split, entry.segment) if name]
     texts += [entry.time.restarts_with] if entry.time and entry.time.restarts_with else []
     table = read_csv(
         path,
-        numbers=list(dict.fromkeys(names)),
+        numbers=list(dict.fromkeys(column.column for column in columns)),
         texts=list(dict.fromkeys(texts)),
-        form=entry.table.csv_form(
-            {c.column: c.unit for c in columns}, tuple(row.filter for row in entry.rows)
-        ),
+        form=form,
     )
     return table if entry.split is None else table.sort_values(entry.split, kind="stable", key=_order_seen)
 
@@ -211,6 +277,9 @@ def _time(path: Path, entry: TestMapping, table: pd.DataFrame):
 
 def material_test(path, entry, table, sample, time, said, named) -> MaterialTest:
     at_rest = 0.0 if entry.kind == "simple_shear" else 1.0
+    if entry.corrections.unsorted == "sort" and time is None:
+        table, sorted_said = _sorted(path, entry, table)
+        said = said + sorted_said
     stretch, gauge_said = stretch_of(path, entry, table, entry.strain)
     lateral, lateral_stress = lateral_of(path, entry, table, stretch)
     nominal, difference = nominal_stress_of(path, entry, table, entry.stress, stretch, lateral)
@@ -242,9 +311,22 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
     )
     check_range(path, entry, table, test)
     test = replace(test, segments=checked_segments(path, entry, table, test, at_rest))
+    fall = None if entry.corrections.after_fall == "keep" else fall_while_loading(test)
+    if fall:
+        stop, text = fall.row + 1, fall_words(fall, table.index)
+        if entry.corrections.after_fall == "refuse":
+            raise TableError(
+                f"{path}, {text}; cut the curve there with `corrections: {{after_fall: cut}}`, or confirm it with"
+                " `after_fall: keep`"
+            )
+        said = [*said, f"corrected: {text}; cut there (after_fall)"]
+        time = None if time is None else time[:stop]
+        return material_test(path, entry, table.iloc[:stop], sample, time, said, named)
     if entry.corrections.odd_rows == "refuse":
         remedy = "or confirm it with `corrections: {odd_rows: keep}`"
-        check_rows(path, table.index, test, remedy, entry.corrections.zero_force)
+        check_rows(
+            path, table.index, test, remedy, entry.corrections.zero_force, entry.corrections.toe == "remove"
+        )
     odd = check_stiffness(path, entry, test) + check_also(path, entry, table, test)
     stated, by = _stated_rate(entry, name_rate, column_rate)
     odd += findings(test, stated, by)
@@ -253,6 +335,16 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
     test = replace(test, rate_per_s=rate[0] if rate else stated, findings=(*test.findings, *odd))
     asked = entry.corrections
     return corrected(test, asked.toe == "remove", asked.zero_force, asked.zero_strain)
+
+
+def _sorted(path: Path, entry: TestMapping, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Return a table in the order of its strain, away from rest, and what was done."""
+    stretch = stretch_of(path, entry, table, entry.strain)[0]
+    at_rest = 0.0 if entry.kind == "simple_shear" else 1.0
+    away = np.sign(stretch[np.argmax(np.abs(stretch - at_rest))] - at_rest) or 1.0
+    order = np.argsort(away * stretch, kind="stable")
+    moved = int((order != np.arange(len(order))).sum())
+    return table.iloc[order], [f"corrected: {moved} rows sorted by stretch (unsorted)"] if moved else []
 
 
 def _first(*values):

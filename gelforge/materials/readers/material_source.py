@@ -11,7 +11,7 @@ from gelforge.config.foreign.mapping import Mapping, load_mapping
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest, MaterialTest
 from gelforge.materials.plausibility.odd_rows import check_copies
-from gelforge.materials.readers.mapped_files import Read, read_mapped, read_mapped_folder
+from gelforge.materials.readers.mapped_files import Read, read_by_all, read_mapped, read_mapped_folder
 from gelforge.materials.readers.material_tests import declared_synthetic, input_files, read_material_tests
 from gelforge.materials.readers.small_files import press_files, read_press, read_small_tests
 from gelforge.materials.small_tests.small_effects import Press, SmallTests
@@ -141,10 +141,10 @@ def _read(source: Path, mapping: Mapping | None) -> list[MaterialSource]:
             return [
                 _mapped(test, source.name, source, mapping) for test in read_mapped_folder(source, mapping)
             ]
-        entry = mapping.entry_for(source.name)
-        if entry is None:
+        entries = mapping.entries_for(source.name)
+        if not entries:
             raise TableError(f"{source}: the mapping ignores this file; name a test, or change `ignore`")
-        return [_mapped(test, source.stem, source.parent, mapping) for test in read_mapped(source, entry)]
+        return [_mapped(test, source.stem, source.parent, mapping) for test in read_by_all(source, entries)]
     return [_small_file(source)]
 
 

@@ -26,20 +26,23 @@ from gelforge.materials.imaging.piece_pictures import (
     tracked_inflation,
     tracked_tension,
 )
+from gelforge.materials.plausibility.falls import fall_while_loading, fall_words
 from gelforge.materials.plausibility.findings import corrected, findings, rate_while_loading
 from gelforge.materials.plausibility.odd_rows import check_rows
-from gelforge.materials.readers.mapped_checks import unnoticed_unit
+from gelforge.materials.readers.mapped_checks import in_no_order, unnoticed_unit
 from gelforge.materials.readers.small_files import small_test_files
 from gelforge.materials.small_tests.trials import THICKNESS, Mean, sheet_thickness
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, principal_stretches
 
 RELAXATION = "relaxation"  # as a `test` in samples.csv: a strip in uniaxial tension whose stretch is held
 KEEP = "keep_odd_rows"  # confirms what odd_rows.py would refuse
+CUT = "cut_after_fall"  # ends a curve where its stress falls at once
 CORRECTIONS = (
     "toe",
     "zero_force",
     "zero_strain",
     KEEP,
+    CUT,
 )  # made where samples.csv asks for them, stated in the findings
 CIRCUMSTANCES = ("strain_rate_per_s", "age_days", "temperature_C", "cycle")
 
@@ -229,15 +232,26 @@ def _material_test(
         findings=tuple(said),
         source=row.file,
     )
+    words = set(row.corrections.split())
+    fall = fall_while_loading(test)
+    if fall and CUT in words:
+        stop = fall.row + 1
+        said = [*said, f"corrected: {fall_words(fall, table.index)}; cut there ({CUT})"]
+        time_s = None if time_s is None else time_s[:stop]
+        return _material_test(folder, row, table.iloc[:stop], nominal_stress[:stop], time_s, said)
+    if fall and KEEP not in words:
+        raise TableError(
+            f"{folder / row.file}, {fall_words(fall, table.index)}; cut the curve there with `{CUT}` among the corrections"
+            f" in samples.csv, or confirm it with `{KEEP}`"
+        )
     rate, stated = rate_while_loading(test), known["strain_rate_per_s"]
     odd = findings(test, stated, "is in samples.csv")
     used = rate[0] if rate and stated is None else stated
     test = replace(test, rate_per_s=used, findings=(*test.findings, *odd))
-    words = set(row.corrections.split())
     if KEEP not in words:
         remedy = f"or confirm it with `{KEEP}` among the corrections in samples.csv"
-        check_rows(folder / row.file, table.index, test, remedy, "zero_force" in words)
-    return corrected(test, **{name: True for name in words - {KEEP}})
+        check_rows(folder / row.file, table.index, test, remedy, "zero_force" in words, "toe" in words)
+    return corrected(test, **{name: True for name in words - {KEEP, CUT}})
 
 
 Curve = tuple[pd.DataFrame, np.ndarray, list[str]]  # table of the sample, Cauchy stress [MPa], findings
@@ -312,6 +326,8 @@ def _checked_stretch(path: Path, table: pd.DataFrame, history: str) -> np.ndarra
             f"{path}: stretch_1 runs from {values.min():g} to {values.max():g}; a range of"
             f" {LEAST_STRETCH_RANGE:g} at least is needed to find a constitutive model, test further"
         )
+    if history != RELAXATION and in_no_order(values):
+        raise TableError(f"{path}: the rows are in no order of stretch_1; sort them by it, or by time")
     i = first_reversal(values) if history == HISTORIES[0] else None
     if i is not None:
         furthest = values[:i][np.argmax(np.abs(values[:i] - values[0]))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,8 +26,18 @@ class Frame:
     image: np.ndarray
 
 
+def by_number(path: Path) -> list[tuple[int, int, str]]:
+    """Return a key that sorts names with numbers by these: frame_2 before frame_10, 1.25 before 1.5."""
+    parts = re.split(r"(\d+(?:\.\d+)?)", path.name)
+    keys: list[tuple[int, int, str]] = []
+    for number, text in enumerate(parts):
+        whole, _, fraction = text.partition(".")
+        keys.append((0, int(whole), fraction) if number % 2 else (1, 0, text))
+    return keys
+
+
 def frames(source: str | Path | int) -> Iterator[Frame]:
-    """Return the frames of a folder of images (sorted by name), a video file, or a camera given by its number.
+    """Return the frames of a folder of images (by the numbers in their names), a video file, or a camera by its number.
 
     Raises ImageError for a source that is missing, empty or cannot be decoded, before the first frame is asked for.
     """
@@ -39,7 +50,7 @@ def frames(source: str | Path | int) -> Iterator[Frame]:
             raise ImageError(
                 f"{path}: is the folder of a session; give {path / 'images'}, with --reference {path / 'reference.png'}"
             )
-        names = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+        names = sorted((p for p in path.iterdir() if p.suffix.lower() in SUFFIXES), key=by_number)
         if not names:
             raise ImageError(
                 f"{path}: no images ({', '.join(sorted(SUFFIXES))}) in this folder; give another"

@@ -43,6 +43,9 @@ class Measures:
         float  # share of the textured pixels whose flow does not fit the image; NaN where not asked for
     )
     pixels: str  # digest of the pixels
+    bands: float = (
+        0.0  # relative brightness of bright over mean rows (or columns), against those of the reference frame
+    )
 
 
 NAMES = list(Measures.__dataclass_fields__)
@@ -66,6 +69,7 @@ class Measurer:
             flow_px=float(np.sqrt(np.mean(np.square(flow, dtype=np.float64).sum(axis=-1)))) / self.scale,
             flow_lost=flow_lost(self.search, image, flow, self.scale) if with_lost else float("nan"),
             pixels=pixel_digest(image),
+            bands=banding(image, self.search.reference),
         )
 
     def _texture(self, image: np.ndarray) -> float:
@@ -73,6 +77,22 @@ class Measurer:
         if image.std() > CONTRAST_KEPT * self.spread:
             return 1.0
         return float(textured(image, self.search.patch_px).sum() / self.textured)
+
+
+def banding(image: np.ndarray, reference: np.ndarray) -> float:
+    """Return half the range of relative brightness over the rows or columns of an image, against those of the reference.
+
+    A quadratic is taken out: light that falls off to a side is no band. Motion of the texture averages out along a row.
+    """
+    found = []
+    for axis in (0, 1):
+        ratio = image.mean(axis=axis) / np.maximum(reference.mean(axis=axis), 1.0)
+        size = max(3, len(ratio) // 40)
+        ratio = np.convolve(ratio, np.full(size, 1 / size), "valid")
+        at = np.linspace(-1, 1, len(ratio))
+        even = ratio - np.polyval(np.polyfit(at, ratio, 2), at)
+        found.append(np.ptp(np.quantile(even, [0.05, 0.95])) / 2 / max(float(np.median(ratio)), 1e-9))
+    return float(max(found))
 
 
 def pixel_digest(image: np.ndarray) -> str:

@@ -12,6 +12,7 @@ from gelforge.config import Session
 from gelforge.input_files import NotAFile, regular_file
 from gelforge.recording.tables.checks import RecordingError
 
+ORIENTATION = 0x0112  # the EXIF tag; a phone or camera sets it by how it is held
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk's name and checksum; a truncated PNG lacks it
 JPEG_END, JPEG_TAIL = b"\xff\xd9", 4096  # the end marker; cameras pad what follows
 
@@ -78,6 +79,7 @@ def image_size(path: Path) -> tuple[int, int]:
         with open(path, "rb") as file:
             with Image.open(file) as image:
                 size, kind = image.size, image.format
+                _refuse_turned(path, image)
             if kind == "PNG":
                 file.seek(-len(PNG_END), os.SEEK_END)
                 if file.read() != PNG_END:
@@ -89,3 +91,21 @@ def image_size(path: Path) -> tuple[int, int]:
     except (UnidentifiedImageError, OSError) as error:
         raise RecordingError(f"{path}: not a readable image ({error}); copy it again") from None
     return size
+
+
+def refuse_turned(path: Path) -> None:
+    """Raise RecordingError for an image whose EXIF orientation says that it is to be shown turned or mirrored."""
+    try:
+        with Image.open(path) as image:
+            _refuse_turned(path, image)
+    except (UnidentifiedImageError, OSError):  # refused where it is decoded
+        return
+
+
+def _refuse_turned(path: Path, image: Image.Image) -> None:
+    turned = image.getexif().get(ORIENTATION, 1)
+    if turned not in (0, 1):  # 0: not known
+        raise RecordingError(
+            f"{path}: EXIF orientation {turned}, so that programs show its pixels turned or mirrored, 1 is needed; save all"
+            " frames upright without it (exiftool -Orientation#=1 keeps the pixels as they are)"
+        )

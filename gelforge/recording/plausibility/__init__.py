@@ -4,6 +4,7 @@ Every test is a function that takes a `SessionData` and returns findings (`list[
 them, and `readings.read_recording` runs them, so that `check`, `readings`, `features`, `join` and `mismatch` share one set:
 
     forces.py       force before contact, its answer to the indentation, its growth with depth, values that repeat
+    saturation.py   force at a largest value without noise
     spikes.py       single readings beyond those before and after
     timing.py       force that lags or leads the depth
     streams.py      gaps and shared stamps of ft.csv

@@ -22,6 +22,10 @@ from gelforge.recording.plausibility.image_steps import lag
 DARK, BRIGHT = 10.0, 245.0  # mean grey levels that are called black and white
 EXPOSURE_STEP = 0.15  # lamps warm by less from one image to the next, and pressing shades less
 LIGHT_IMAGES = 11  # in the running median of the light where an indentation has no image before contact
+BANDS, BANDED_SHARE = (
+    0.3,
+    0.1,
+)  # relative brightness that misleads the flow; of the untouched images that show it
 BEFORE_SHARE = 0.5  # of the flow under load: images before contact that move more do not stand still
 ONE_BEFORE_SHARE = 0.3  # of the flow under load, of a single image
 SPREADS = 6.0  # robust standard deviations of the untouched images' flow, beyond which one is no accident
@@ -96,6 +100,29 @@ def image_exposure(series: ImageSeries) -> list[Finding]:
         for row in table[held & (step > EXPOSURE_STEP)].itertuples()
     ]
     return mostly(found, int(held.sum()))
+
+
+def image_bands(series: ImageSeries) -> list[Finding]:
+    """Return the images whose rows or columns are bright in bands, where untouched images show the same light."""
+    table = series.shown
+    untouched = table[table["phase"] == "zero"]
+    if "bands" not in table or untouched.empty or (untouched["bands"] > BANDS).mean() < BANDED_SHARE:
+        return []
+    found = [
+        _one(
+            series,
+            row,
+            "image_bands",
+            f"{row.image} has bands of +-{100 * row.bands:.0f} % brightness against the reference frame: light that flickers"
+            " under a rolling shutter",
+            "expose for a whole number of periods of the light (multiples of 1/100 s at 50 Hz, of 1/120 s at 60 Hz), or"
+            " light with direct current, and record anew",
+            row.bands,
+            BANDS,
+        )
+        for row in table[table["bands"] > BANDS].itertuples()
+    ]
+    return mostly(found, len(table))
 
 
 def image_repeats(series: ImageSeries) -> list[Finding]:
@@ -279,6 +306,7 @@ def _one(series, row, test, found, remedy, value, limit, unit="") -> Finding:
 IMAGE_TESTS: dict[str, Callable[[ImageSeries], list[Finding]]] = {
     "image_readable": image_readable,
     "image_content": image_content,
+    "image_bands": image_bands,
     "image_exposure": image_exposure,
     "image_repeats": image_repeats,
     "image_in_step": image_in_step,

@@ -13,7 +13,7 @@ import pandas as pd
 from gelforge.config import Session
 from gelforge.indentation.paths.places import POSITION_MATCH_MM
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.recording.plausibility import forces, positions, spikes, timing
+from gelforge.recording.plausibility import forces, positions, saturation, spikes, timing
 from gelforge.recording.plausibility.findings import Finding, Findings, collect
 from gelforge.recording.plausibility.image_series import ImageSeries, image_series
 from gelforge.recording.plausibility.images import IMAGE_TESTS
@@ -73,6 +73,7 @@ TESTS: dict[str, Test] = {
     "mirrored_axes": positions.mirrored_axes,
     "force_in_step": timing.force_in_step,
     "force_before_touch": forces.force_before_touch,
+    "force_saturates": saturation.force_saturates,
     "force_repeats": forces.force_repeats,
     "force_answers": forces.force_answers,
     "force_grows": forces.force_grows,

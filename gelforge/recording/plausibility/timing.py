@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
 from gelforge.recording.plausibility.findings import Finding
 from gelforge.recording.plausibility.streams import ForceLog
 
@@ -24,6 +25,10 @@ LEAST_LIMIT_S = 0.15  # filters of force sensors, and a stage that settles
 COARSE_S, STEP_S = 0.1, 0.02  # between lags that are tried, at first and around the best one
 DENSE_S = 0.05  # between times within a wait, or before contact
 FARTHEST_S = 60.0  # the largest lag that is looked for
+BEND_WINDOW_S, MOTION = (
+    0.35,
+    0.8,
+)  # of the log around arrival, and of the way under load, where the bend is looked for
 RISEN = 0.9  # of the force reached while waiting: at the commanded depth it is there
 
 
@@ -62,6 +67,7 @@ def _log_shifted(data: SessionData, log: ForceLog) -> list[Finding]:
         lag = late
     if abs(lag) <= limit:
         return []
+    lag = _to_a_sample(data.readings, log, normal, lag)
     word = "lags" if lag > 0 else "leads"
     return [
         Finding(
@@ -72,7 +78,7 @@ def _log_shifted(data: SessionData, log: ForceLog) -> list[Finding]:
             limit=limit,
             unit="s",
             found=f"{word} the depth by {abs(lag):.2f} s",
-            remedy=f"set force.delay_s: {data.session.force.delay_s + lag:.2f} in session.yaml, or use one clock",
+            remedy=f"set force.delay_s: {data.session.force.delay_s + lag:.3f} in session.yaml, or use one clock",
         )
     ]
 
@@ -140,6 +146,35 @@ def _rise_s(
         if len(rise) and rise.max() > 0:
             rises.append(time[(rise >= RISEN * rise.max()).argmax()] - waits[0])
     return float(np.median(rises)) if len(rises) >= LEAST_INDENTATIONS else 0.0
+
+
+def _to_a_sample(readings: pd.DataFrame, log: ForceLog, axis: int, lag_s: float) -> float:
+    """Return a lag [s] to a sample of the log: when the force bends, less when the stage arrives at depth (median).
+
+    The lag as it is where the table does not say when the stage arrives, or the log is too slow to show the bend.
+    """
+    lags = []
+    for _, rows in readings.groupby("press", sort=False):
+        held = rows[rows["phase"].isin(["load", "dwell"])]
+        held = held[held["depth_mm"] >= held["depth_mm"].max() - 1e-9]
+        dwell, speed = float(held["dwell_s"].iloc[0]), float(held["speed_mm_per_s"].iloc[0])
+        if np.isnan(dwell):
+            continue
+        arrive, rest = (
+            float(held["time_s"].iloc[0]) - dwell,
+            float(held["time_s"].iloc[-1] - held["time_s"].iloc[0]) + dwell,
+        )
+        moving = MOTION * float(held["depth_mm"].iloc[0]) / speed if speed > 0 else BEND_WINDOW_S
+        before, after = min(BEND_WINDOW_S, moving) - BEND_S, min(BEND_WINDOW_S, rest) - BEND_S
+        found: tuple[float, float] | None = (lag_s, np.inf)
+        for _ in range(RECENTRED):
+            about = found[0]
+            found = bend_near(arrive, about, before, after, -1, log.time_s, log.force_N[:, axis])
+            if found is None or abs(found[0] - about) < BEND_S - BEND_STEP_S:
+                break
+        if found is not None and np.isfinite(found[1]):
+            lags.append(found[0])
+    return float(np.median(lags)) if len(lags) >= LEAST_INDENTATIONS else lag_s
 
 
 def _rows_shifted(data: SessionData) -> list[Finding]:

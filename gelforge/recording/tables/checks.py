@@ -202,7 +202,7 @@ def check_raw_force(path: Path, table: pd.DataFrame, raw: np.ndarray, force: For
             raise RecordingError(
                 f"{path}, row {line}: {name} {raw[beyond.argmax(), axis]:.6g} N beyond {range_N[axis]:g} N "
                 f"({source}); "
-                "correct the reading or the range, is it in millinewtons?"
+                "correct the reading or the range, is it in millinewtons, or in counts (force.counts_per_unit of an import)?"
             )
 
 

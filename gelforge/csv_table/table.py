@@ -6,6 +6,7 @@ numbered as a text editor numbers lines, so that a person finds them.
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 from collections import Counter
@@ -14,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gelforge.csv_table.cells import CLOCK, Signs, TableError, few, numbers_of
 from gelforge.input_files import NotAFile, another_kind, read_bytes
 from gelforge.units import looks_like_a_unit, unit_named
 
@@ -21,6 +23,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+MARKS = {
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}  # longest first
 SEPARATORS = {  # sign: its name, and the value of the key `separator` where there is one
     ";": ("semicolon", "';'"),
     "\t": ("tab", "tab"),
@@ -28,10 +35,6 @@ SEPARATORS = {  # sign: its name, and the value of the key `separator` where the
     ",": ("comma", "','"),
     " ": ("space", "space"),
 }
-
-
-class TableError(ValueError):
-    """A table that cannot be used: file, row, value found, limit, remedy."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +46,11 @@ class RowFilter:
     at_least: float | None = None
     at_most: float | None = None
 
-    def keeps(self, text: str, decimal: str) -> bool:
+    def keeps(self, text: str, signs: Signs) -> bool:
         """Return whether a row with this text in the column is read."""
-        value = _number(text, decimal)
+        value = signs.number(text)
         if self.equals is not None and text not in self.equals:
-            if not any(value == _number(wanted, ".") for wanted in self.equals):
+            if not any(value == Signs().number(wanted) for wanted in self.equals):
                 return False
         if self.at_least is None and self.at_most is None:
             return True
@@ -61,6 +64,7 @@ class CsvForm:
 
     separator: str | None = None
     decimal: str | None = None
+    thousands: str | None = None  # between groups of three digits
     encoding: str = "utf-8-sig"
     comment: str = "#%"  # each of these signs begins a comment line above the header
     skip_rows: int = 0  # lines above the header (or above the first row) that are not part of the table
@@ -75,6 +79,12 @@ class CsvForm:
         default_factory=dict
     )  # declared by column: must be those of the units row
     rows: tuple[RowFilter, ...] = ()  # which rows are read
+    shared_with: tuple[
+        str, ...
+    ] = ()  # rows in which all of these columns are empty are those of others in one table
+    last_line: int | None = (
+        None  # number of the last line that is read, where specimens are stacked in one file
+    )
 
 
 def read_csv(
@@ -120,20 +130,23 @@ def read_columns(
 ) -> tuple[list[int], dict[str, list]]:
     """Return the line numbers and the columns of a CSV file, checked as by `read_csv`."""
     path = Path(path)
-    header, decimal, rows = _split(path, form, [*numbers, *texts])
+    header, signs, rows = _split(path, form, [*numbers, *texts])
     if form.header and form.units_row is not False:
         _drop_units(path, header, rows, form, numbers)
-    _filter(path, header, rows, form, decimal)
+    _filter(path, header, rows, form, signs)
     if len(rows) < 2:
         raise TableError(f"{path}: no rows below the header; at least one is needed")
     lines = [line for line, _ in rows[1:]]
     columns: dict[str, list] = dict(zip(header, map(list, zip(*(cells for _, cells in rows[1:])))))
     for name in numbers:
-        columns[name] = _numbers(path, name, lines, columns[name], decimal, empty_allowed=False)
+        clock = form.units.get(name) == CLOCK
+        columns[name] = numbers_of(path, name, lines, columns[name], signs, clock, empty_allowed=False)
     for name in optional_numbers:
         given = columns.get(name)
         columns[name] = (
-            [math.nan] * len(lines) if given is None else _numbers(path, name, lines, given, decimal, True)
+            [math.nan] * len(lines)
+            if given is None
+            else numbers_of(path, name, lines, given, signs, False, empty_allowed=True)
         )
     for name in texts:
         if "" in columns[name]:
@@ -146,7 +159,7 @@ def read_columns(
 def read_comments(path: str | Path) -> list[str]:
     """Return the comment lines above the header, without their mark."""
     comments = []
-    for line in _lines(Path(path), CsvForm()):
+    for line in lines_of(Path(path), CsvForm()):
         text = line.strip()
         if text and text[0] not in "#%":
             break
@@ -154,9 +167,13 @@ def read_comments(path: str | Path) -> list[str]:
     return comments
 
 
-def _lines(path: Path, form: CsvForm) -> list[str]:
+def lines_of(path: Path, form: CsvForm) -> list[str]:
+    """Return the lines of a text file, whose byte order mark decides its encoding where there is one."""
     try:
-        text = read_bytes(path).decode(form.encoding)
+        content = read_bytes(path)
+        text = content.decode(
+            next((name for mark, name in MARKS.items() if content.startswith(mark)), form.encoding)
+        )
     except NotAFile as error:
         raise TableError(str(error)) from None
     except UnicodeError as error:
@@ -168,16 +185,19 @@ def _lines(path: Path, form: CsvForm) -> list[str]:
         raise TableError(f"{path}{words}") from None
     if "\0" in text:
         row = text.count("\n", 0, text.index("\0")) + 1
-        damaged = f", row {row}: a null character; the file is damaged or no {form.encoding} text"
+        damaged = (
+            f", row {row}: a null character; the file is damaged or no {form.encoding} text (of UTF-16 without its mark set"
+            " `encoding: utf-16-le`)"
+        )
         raise TableError(f"{path}{another_kind(path, 'a table (CSV)') or damaged}")
     return text.splitlines()
 
 
 def _split(
     path: Path, form: CsvForm, needed: Sequence[str]
-) -> tuple[list[str], str, list[tuple[int, list[str]]]]:
-    """Return the header, the decimal sign(s) and all rows (header first) as (line number, cells)."""
-    lines = _lines(path, form)
+) -> tuple[list[str], Signs, list[tuple[int, list[str]]]]:
+    """Return the header, how numbers are written and all rows (header first) as (line number, cells)."""
+    lines = lines_of(path, form)[: form.last_line]
     start = _header_line(path, lines, form, needed)
     separator = form.separator or (";" if ";" in lines[start] else ",")
     reader = csv.reader(lines[start:], delimiter=separator, skipinitialspace=separator == " ")
@@ -198,15 +218,18 @@ def _split(
     if missing:
         remedy = _other_separator(lines, header, separator, form, needed)
         raise TableError(
-            f"{path}, row {start + 1}: columns {missing} are missing; found {_few(header)}"
+            f"{path}, row {start + 1}: columns {missing} are missing; found {few(header)}"
             f"{remedy or ', name them so in the header or add them'}"
         )
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
-        raise TableError(f"{path}, row {start + 1}: columns {_few(twice)} are there twice; rename one")
+        raise TableError(
+            f"{path}, row {start + 1}: columns {few(twice)} are there twice; rename one, or number"
+            " them with `header: false`, `skip_rows` and `columns`"
+        )
     _check_lengths(path, header, rows, named, form)
     rows[1:] = [(line, cells[: len(header)]) for line, cells in rows[1:]]
-    return header, form.decimal or (".," if separator == ";" else "."), rows
+    return header, Signs(form.decimal or (".," if separator == ";" else "."), form.thousands), rows
 
 
 def _other_separator(
@@ -218,7 +241,7 @@ def _other_separator(
     lines from the first that has it.
     """
     others = [sign for sign in SEPARATORS if sign != used]
-    found = next((s for s in others if any(_names_all(line, s, needed) for line in lines)), None)
+    found = next((s for s in others if any(names_all(line, s, needed) for line in lines)), None)
     if found is None:
         found = max(others, key=lambda sign: _regular(lines, sign))
         if len(header) > 1 or not _regular(lines, found):
@@ -248,7 +271,9 @@ def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[s
             )
         return found[0]
     candidates = (
-        i for i, line in enumerate(lines) if i >= form.skip_rows and line.strip() and not _comment(line, form)
+        i
+        for i, line in enumerate(lines)
+        if i >= form.skip_rows and line.strip() and not is_comment(line, form)
     )
     start = next(candidates, None)
     if not (form.find_header and form.header and needed):
@@ -256,12 +281,12 @@ def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[s
             raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
         return start
     separator = form.separator or ","
-    if start is not None and _names_all(lines[start], separator, needed):
+    if start is not None and names_all(lines[start], separator, needed):
         return start
-    elsewhere = [i for i, line in enumerate(lines) if _names_all(line, separator, needed)]
+    elsewhere = [i for i, line in enumerate(lines) if names_all(line, separator, needed)]
     if len(elsewhere) > 1:
         raise TableError(
-            f"{path}, rows {elsewhere[0] + 1} and {elsewhere[1] + 1}: both name the columns {_few(needed)}; say with"
+            f"{path}, rows {elsewhere[0] + 1} and {elsewhere[1] + 1}: both name the columns {few(needed)}; say with"
             " `skip_rows` which is the header"
         )
     if elsewhere:
@@ -271,7 +296,7 @@ def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[s
     return start
 
 
-def _names_all(line: str, separator: str, needed: Sequence[str]) -> bool:
+def names_all(line: str, separator: str, needed: Sequence[str]) -> bool:
     if not all(name in line for name in needed):
         return False
     try:
@@ -320,7 +345,7 @@ def _drop_units(path: Path, header: list[str], rows: list, form: CsvForm, number
     line, cells = rows[1]
     said = {name: cell for name, cell in zip(header, cells) if cell}
     recognised = all(map(looks_like_a_unit, said.values())) and any(name in said for name in numbers)
-    if any(math.isfinite(_number(said[name], ".,")) for name in numbers if name in said):
+    if any(math.isfinite(Signs(".,").number(said[name])) for name in numbers if name in said):
         recognised = False
         if form.units_row:
             raise TableError(
@@ -338,63 +363,23 @@ def _drop_units(path: Path, header: list[str], rows: list, form: CsvForm, number
     del rows[1]
 
 
-def _filter(path: Path, header: list[str], rows: list, form: CsvForm, decimal: str) -> None:
-    """Remove the rows that the filters do not keep."""
+def _filter(path: Path, header: list[str], rows: list, form: CsvForm, signs: Signs) -> None:
+    """Remove the rows of others in one table, and those that the filters do not keep."""
+    own = [header.index(name) for name in form.shared_with]
+    if own:
+        rows[1:] = [row for row in rows[1:] if any(row[1][at] for at in own)]
     for condition in form.rows:
         if condition.column not in header:
             raise TableError(
-                f"{path}: the filter of rows names the column {condition.column!r}; found {_few(header)}, correct `rows`"
+                f"{path}: the filter of rows names the column {condition.column!r}; found {few(header)}, correct `rows`"
             )
         at, before = header.index(condition.column), len(rows) - 1
-        rows[1:] = [row for row in rows[1:] if condition.keeps(row[1][at], decimal)]
+        rows[1:] = [row for row in rows[1:] if condition.keeps(row[1][at], signs)]
         if before and len(rows) < 2:
             raise TableError(
                 f"{path}: the filter of rows by {condition.column} keeps none of {before} rows; correct `rows`"
             )
 
 
-def _few(names: Sequence[str], most: int = 12) -> str:
-    """Return names as a list that stays short: a table without separators has its whole text as one name."""
-    shown = [name if len(name) <= 60 else name[:57] + "..." for name in names[:most]]
-    return f"{shown}" + (f" and {len(names) - most} more" if len(names) > most else "")
-
-
-def _comment(line: str, form: CsvForm) -> bool:
+def is_comment(line: str, form: CsvForm) -> bool:
     return line.lstrip()[0] in form.comment
-
-
-def _number(text: str, decimal: str) -> float:
-    """Return a text as a number, NaN for what is none; decimal "." or "," allows only that sign, ".," both."""
-    if "_" in text or (decimal == "," and "." in text):
-        return (
-            math.nan
-        )  # 1_0 is no number in a table; 1.234 may be a thousand and more, or a fraction: not ours to guess
-    try:
-        return float(text.replace(",", ".") if "," in decimal else text)
-    except ValueError:
-        return math.nan
-
-
-def _numbers(
-    path: Path, name: str, lines: list[int], column: list[str], decimal: str, empty_allowed: bool
-) -> list[float]:
-    """Return a column of text as numbers."""
-    values = []
-    for line, text in zip(lines, column):
-        if text == "" and empty_allowed:
-            values.append(math.nan)
-            continue
-        value = _number(text, decimal)
-        if not math.isfinite(value):
-            found = _few([text])[1:-1] if text else "nothing"
-            raise TableError(
-                f"{path}, row {line}: {name} is {found}; a finite number is needed"
-                f"{f' (decimal sign {decimal})' if len(decimal) == 1 else ''}, correct or drop the row"
-            )
-        values.append(value)
-    if len(decimal) > 1 and any("," in text for text in column) and any("." in text for text in column):
-        line = next(line for line, text in zip(lines, column) if "." in text)
-        raise TableError(
-            f"{path}, row {line}: {name} has decimal points and decimal commas; write the whole column with one sign"
-        )
-    return values

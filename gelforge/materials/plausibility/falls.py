@@ -1,0 +1,77 @@
+"""Sudden falls of the stress while a specimen is stretched on: it breaks, or slips in its grip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from gelforge.materials.basis.common_form import MaterialTest
+
+WITHIN, WITHIN_ROWS = 0.01, (3, 50)  # of the rows, in which the stress falls: slower is softening
+GOES_ON = 5e-4  # of the range of strain, by which it grows meanwhile: else the specimen is held, and relaxes
+LEAST_FALL = 0.05  # of the largest stress
+NOISE = 10.0  # standard deviations of a row
+LASTS_ROWS = 3  # a single row that is low is a reading that failed
+BROKEN = 0.3  # of the stress before, below which what is left bears nothing
+LEAST_ROWS = 8
+
+
+@dataclass(frozen=True)
+class Fall:
+    """The last row before a fall, the first after it, the stresses there [MPa], the largest share borne again later."""
+
+    row: int
+    after: int
+    before_MPa: float
+    after_MPa: float
+    recovers: float
+
+
+def fall_while_loading(test: MaterialTest) -> Fall | None:
+    """Return the first sudden fall of the stress in the loadings of a test, by rows of the test; None without any."""
+    stress = test.nominal_stress if test.cauchy_difference is None else test.cauchy_difference
+    if test.test == "biaxial":
+        return None
+    for segment in test.segments:
+        if segment.kind == "load":
+            rows = segment.rows
+            found = sudden_fall(np.abs(test.stretch[rows] - test.at_rest), stress[rows])
+            if found:
+                return replace(found, row=found.row + segment.start, after=found.after + segment.start)
+    return None
+
+
+def sudden_fall(strain: np.ndarray, stress: np.ndarray) -> Fall | None:
+    """Return the first sudden fall of the stress (n,) while the strain (n,) grows away from rest, None without any."""
+    size, n = np.abs(np.asarray(stress, float)), len(stress)
+    if n < LEAST_ROWS or not np.isfinite(size).all():
+        return None
+    bends = np.abs(size[1:-1] - (size[:-2] + size[2:]) / 2)
+    limit = max(LEAST_FALL * size.max(), NOISE * 1.4826 * float(np.median(bends)) / np.sqrt(1.5))
+    rows = int(np.clip(np.ceil(WITHIN * n), *WITHIN_ROWS))
+    ahead = np.min(sliding_window_view(np.append(size, np.full(rows, np.inf)), rows + 1), axis=1)
+    for row in np.flatnonzero(size - ahead > limit).tolist():
+        after = row + int(np.argmin(size[row : row + rows + 1]))
+        last = row + int(np.argmax(size[row:after]))
+        base = float(
+            np.median(size[max(last - 2, 0) : last + 1])
+        )  # a single row that is high is no curve to fall from
+        grown = strain[last : after + 1] - strain[last]
+        goes_on = grown[-1] >= GOES_ON * np.ptp(strain) and grown.min() >= -WITHIN * np.ptp(strain)
+        rest = size[after : after + LASTS_ROWS]
+        if goes_on and len(rest) == LASTS_ROWS and base - rest.max() > limit:
+            recovers = float(size[after:][strain[after:] >= strain[last]].max(initial=0.0) / size[last])
+            return Fall(last, after, float(stress[last]), float(stress[after]), recovers)
+    return None
+
+
+def fall_words(fall: Fall, lines: Sequence[int]) -> str:
+    """Return in words where the stress falls, and what it looks like; lines: the row numbers in the file."""
+    cause = "the specimen broke" if fall.recovers < BROKEN else "it slipped in its grip, or tore"
+    return (
+        f"row {lines[fall.row]}: the stress falls from {fall.before_MPa * 1e3:.4g} to {fall.after_MPa * 1e3:.4g} kPa by row"
+        f" {lines[fall.after]} while the stretch goes on: {cause}"
+    )

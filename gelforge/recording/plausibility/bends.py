@@ -1,0 +1,43 @@
+"""When a signal bends: where the stage stops or leaves, force and image bend at once, whatever the material relaxes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+BEND_S, BEND_STEP_S = 0.08, 0.002  # around a coarse lag, in which a bend is looked for
+LEAST_SAMPLES = 4  # on each side
+RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
+MOST_SAMPLES = 200  # of a bend's window: a faster log is averaged over neighbours
+
+
+def bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, float] | None:
+    """Return lag and standard deviation [s] of a bend about a lag; one at the end of what is tried is farther off."""
+    a, b = np.searchsorted(signal_s, [at + lag - before, at + lag + after])
+    time, value = signal_s[a:b] - at - lag, signal[a:b]
+    if min((time < 0).sum(), (time > 0).sum()) < LEAST_SAMPLES:
+        return None
+    count = len(time) // MOST_SAMPLES + 1
+    whole = len(time) // count * count
+    time, value = (samples[:whole].reshape(-1, count).mean(axis=1) for samples in (time, value))
+    return bend_time(time, value, side, lag)
+
+
+def bend_time(time, value, side, lag) -> tuple[float, float] | None:
+    """Return lag and standard deviation [s]: two parabolas that meet, where they meet best."""
+    tries = np.arange(-BEND_S, BEND_S + BEND_STEP_S / 2, BEND_STEP_S)
+    left = np.empty(len(tries))
+    for i, bend in enumerate(tries):
+        t = time - bend
+        moving, resting = np.maximum(side * t, 0), np.maximum(-side * t, 0)
+        A = np.stack([np.ones_like(t), t, moving, moving**2, resting**2], axis=1)
+        rest = value - A @ np.linalg.lstsq(A, value, rcond=None)[0]
+        left[i] = rest @ rest
+    k = int(left.argmin())
+    if k in (0, len(tries) - 1):
+        return lag + float(tries[k]), np.inf
+    curve = (left[k - 1] - 2 * left[k] + left[k + 1]) / BEND_STEP_S**2
+    if curve <= 0:
+        return None
+    shift = 0.5 * (left[k - 1] - left[k + 1]) / (curve * BEND_STEP_S)
+    variance = left[k] / max(len(time) - 6, 1)
+    return lag + float(tries[k] + shift), float(max(np.sqrt(2 * variance / curve), 1e-4))

@@ -1,0 +1,190 @@
+"""Defects of a test curve are named by what they are, and following the remedy gives the right modulus; files made here."""
+
+import numpy as np
+import pytest
+import yaml
+
+from gelforge.config.foreign.mapping import load_mapping
+from gelforge.csv_table import TableError
+from gelforge.materials.readers.mapped_files import read_mapped
+from gelforge.materials.readers.material_tests import read_material_tests
+
+G = 0.025  # MPa
+LAM = np.linspace(1.0, 2.0, 201)
+ENTRY = {
+    "files": ["*.csv"],
+    "kind": "uniaxial",
+    "strain": {"column": "stretch", "measure": "stretch"},
+    "stress": {"column": "P", "unit": "kPa", "measure": "nominal"},
+}
+
+
+def P(lam):
+    return 1e3 * G * (lam - lam**-2)
+
+
+def read(folder, lam, stress, time=None, corrections=None, **changes):
+    columns = {"stretch": lam, "P": stress} | ({} if time is None else {"t": time})
+    rows = [",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values())]
+    (folder / "a.csv").write_text("\n".join([",".join(columns), *rows]) + "\n")
+    entry = {**ENTRY, **changes} | ({} if time is None else {"time": {"column": "t"}})
+    entry["corrections"] = corrections or {}
+    (folder / "m.yaml").write_text(yaml.safe_dump({"describes": "made here", "tests": [entry]}))
+    return read_mapped(folder / "a.csv", load_mapping(folder / "m.yaml").entry_for("a.csv"))[0]
+
+
+def modulus(test):
+    """Return the shear modulus [kPa] of a test that is neo-Hookean, by least squares."""
+    shape = test.stretch - test.stretch**-2
+    return 1e3 * float(shape @ test.nominal_stress / (shape @ shape))
+
+
+def noisy(stress, seed=0, sd=0.1):
+    return stress + sd * np.random.default_rng(seed).normal(size=len(stress))
+
+
+@pytest.mark.parametrize("preload", [0.08, 0.12, 0.2])
+def test_a_preload_is_refused_and_the_remedy_mends_it(tmp_path, preload):
+    true = LAM * (1 + preload)
+    with pytest.raises(TableError, match=r"largest stress, at stretch 1; 10% .* a preload.*`toe: remove`"):
+        read(tmp_path, LAM, noisy(P(true)))
+    mended = read(tmp_path, LAM, noisy(P(true)), corrections={"toe": "remove"})
+    assert modulus(mended) == pytest.approx(1e3 * G, rel=0.02)
+
+
+def test_a_pull_that_rest_cannot_have_is_an_offset(tmp_path):
+    with pytest.raises(TableError, match="an offset of the force") as caught:
+        read(tmp_path, LAM, noisy(P(LAM)) - 8)
+    assert "preload" not in str(caught.value)
+    assert modulus(read(tmp_path, LAM, noisy(P(LAM)) - 8, corrections={"zero_force": True})) == pytest.approx(
+        25, rel=0.02
+    )
+
+
+def test_an_offset_of_a_few_per_cent_is_reported_only(tmp_path):
+    test = read(tmp_path, LAM, noisy(P(LAM)) + 3)
+    assert any("at rest: a preload" in text and "zero_force" in text for text in test.findings)
+
+
+@pytest.mark.parametrize(
+    ("factor", "cause"),
+    [(0.0, "the specimen broke"), (0.03, "the specimen broke"), (0.8, "slipped in its grip")],
+)
+@pytest.mark.parametrize("at", [130, 190])
+@pytest.mark.parametrize("kind", ["uniaxial", "compression"])
+def test_a_fall_of_the_stress_is_named_and_cut(tmp_path, factor, cause, at, kind):
+    lam = LAM if kind == "uniaxial" else 1 - 0.4 * (LAM - 1)
+    stress = noisy(P(lam), sd=0.05)
+    stress[at:] = factor * stress[at:]
+    with pytest.raises(
+        TableError,
+        match=rf"a\.csv, row {at + 1}: the stress falls .* by row {at + 2} .*{cause}.*after_fall: cut",
+    ):
+        read(tmp_path, lam, stress, kind=kind)
+    cut = read(tmp_path, lam, stress, kind=kind, corrections={"after_fall": "cut"})
+    assert len(cut.stretch) == at and any("cut there" in text for text in cut.findings)
+    assert modulus(cut) == pytest.approx(1e3 * G, rel=0.02)
+    if factor == 0.8:
+        kept = read(tmp_path, lam, stress, kind=kind, corrections={"after_fall": "keep"})
+        assert len(kept.stretch) == len(lam)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_noise_softening_and_a_hold_are_no_fall(tmp_path, seed):
+    assert len(read(tmp_path, LAM, noisy(P(LAM), seed, 1.0)).stretch) == len(LAM)
+    yields = P(LAM) * np.exp(-np.maximum(LAM - 1.7, 0))  # softens slowly
+    assert len(read(tmp_path, LAM, noisy(yields, seed)).stretch) == len(LAM)
+    held = np.r_[LAM, np.full(50, LAM[-1])]
+    relaxed = np.r_[P(LAM), P(LAM)[-1] * (0.6 + 0.4 * np.exp(-np.arange(50) / 20))]
+    time = np.arange(len(held)) * 1.0
+    read(tmp_path, held, noisy(relaxed, seed), time, history="relaxation")
+    cycle = np.r_[LAM, LAM[::-1]]
+    read(tmp_path, cycle, noisy(np.r_[P(LAM), 0.5 * P(LAM)[::-1]], seed), history="cyclic")
+
+
+@pytest.mark.parametrize("at", [0.5, 0.8])
+def test_a_saturated_load_cell_is_named(tmp_path, at):
+    whole = noisy(P(LAM))
+    with pytest.raises(
+        TableError, match="to the last digit, its largest value, .* the load cell is saturated"
+    ):
+        read(tmp_path, LAM, np.minimum(whole, at * whole.max()))
+    read(tmp_path, LAM, 4 * np.round(whole / 4))  # a coarse one has equal rows everywhere
+
+
+@pytest.mark.parametrize("history", ["monotonic", "cyclic"])
+@pytest.mark.parametrize("count", [12, 25, 60])
+@pytest.mark.parametrize("seed", range(3))
+def test_points_in_any_order_are_named_and_sorted(tmp_path, history, count, seed):
+    lam = np.random.default_rng([seed, count]).permutation(np.linspace(1, 2, count))
+    with pytest.raises(
+        TableError,
+        match=r"rows are in no order of the stretch, .*unsorted: sort|points are in no order, sort",
+    ):
+        read(tmp_path, lam, P(lam), history=history)
+    ordered = read(tmp_path, lam, P(lam), history=history, corrections={"unsorted": "sort"})
+    np.testing.assert_allclose(ordered.stretch, np.linspace(1, 2, count))
+    assert modulus(ordered) == pytest.approx(1e3 * G, rel=1e-3)
+
+
+def test_two_exchanged_points_name_the_remedy_too(tmp_path):
+    lam = np.linspace(1, 2, 30)
+    lam[[10, 14]] = lam[[14, 10]]
+    with pytest.raises(TableError, match="where the points are in no order, sort them with .*unsorted: sort"):
+        read(tmp_path, lam, P(lam))
+
+
+def test_coarse_cycles_are_no_disorder(tmp_path):
+    way = np.linspace(1, 2, 6)
+    cycles = np.tile(np.r_[way, way[::-1][1:-1]], 4)
+    assert len(read(tmp_path, cycles, P(cycles), history="cyclic").segments) >= 7
+
+
+def test_a_test_that_only_unloads_is_refused(tmp_path):
+    with pytest.raises(TableError, match="no loading is found"):
+        read(tmp_path, LAM[::-1], P(LAM)[::-1], history="cyclic")
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "said"),
+    [
+        ("Load (N)", "kPa", "says N, the mapping declares kPa"),
+        ("Stress [MPa]", "kPa", "says MPa, the mapping declares kPa; check the units: set `unit: MPa`"),
+        ("stress_Pa", "kPa", "says Pa"),
+        ("Load (kPa)", "kPa", None),
+        ("stress_kPa", "kPa", None),
+        ("Channel (1)", "kPa", None),
+        ("load_N", "kPa", None),  # no brackets, another quantity: N may be a name
+        ("Spannung {N/mm2}", "MPa", None),
+    ],
+)
+def test_a_header_that_contradicts_the_mapping_is_refused(tmp_path, header, unit, said):
+    factor = 1e-3 if unit == "MPa" else 1.0
+    lines = [f"stretch,{header}", *(f"{a:.6f},{factor * b:.9f}" for a, b in zip(LAM, P(LAM)))]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    entry = {**ENTRY, "stress": {"column": header, "unit": unit, "measure": "nominal"}}
+    (tmp_path / "m.yaml").write_text(yaml.safe_dump({"describes": "made here", "tests": [entry]}))
+    entry = load_mapping(tmp_path / "m.yaml").entry_for("a.csv")
+    if said:
+        with pytest.raises(TableError, match=said):
+            read_mapped(tmp_path / "a.csv", entry)
+    else:
+        assert modulus(read_mapped(tmp_path / "a.csv", entry)[0]) == pytest.approx(25, rel=1e-3)
+
+
+def own_format(folder, stress, corrections=""):
+    rows = [f"{a:.6f},{b:.6f}" for a, b in zip(LAM, stress)]
+    (folder / "one.csv").write_text("\n".join(["stretch_1,nominal_stress_kPa", *rows]) + "\n")
+    (folder / "samples.csv").write_text(f"file,test,sample,corrections\none.csv,uniaxial,s1,{corrections}\n")
+    return read_material_tests(folder)[0]
+
+
+def test_the_own_format_has_the_same_remedies(tmp_path):
+    broken = P(LAM)
+    broken[150:] = 0.01
+    with pytest.raises(TableError, match="row 151: .* the specimen broke; .*`cut_after_fall`"):
+        own_format(tmp_path, broken)
+    assert len(own_format(tmp_path, broken, "cut_after_fall").stretch) == 150
+    with pytest.raises(TableError, match="a preload"):
+        own_format(tmp_path, P(1.1 * LAM))
+    assert modulus(own_format(tmp_path, P(1.1 * LAM), "toe")) == pytest.approx(25, rel=0.02)

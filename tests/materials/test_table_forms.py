@@ -1,0 +1,210 @@
+"""Forms of tables: stacked specimens, curves side by side, thousands, times of a clock, UTF-16."""
+
+import numpy as np
+import pytest
+import yaml
+
+from gelforge.config import ConfigError
+from gelforge.config.foreign.mapping import load_mapping
+from gelforge.csv_table import TableError
+from gelforge.materials.readers.material_source import read_sources
+
+LAM = np.linspace(1.0, 1.8, 41)
+KINDS = {"uniaxial": LAM - LAM**-2, "pure_shear": LAM - LAM**-3, "equibiaxial": LAM - LAM**-5}
+COLUMNS = {
+    "time": {"column": "Time", "unit": "s"},
+    "strain": {"column": "Weg", "unit": "mm", "measure": "displacement"},
+    "stress": {"column": "Kraft", "unit": "mN", "measure": "force"},
+    "gauge_length_mm": 2500,
+    "cross_section_mm2": 2000,
+}
+
+
+def rows(scale=1.0, signs=str, clock=str):
+    force = 1e3 * 2000 * 0.05 * scale * KINDS["uniaxial"]  # mN
+    return [
+        [clock(k), signs(f"{2500 * (lam - 1):.1f}"), signs(f"{f:.1f}")]
+        for k, (lam, f) in enumerate(zip(LAM, force))
+    ]
+
+
+def tests_of(folder, entries, **files):
+    for name, content in files.items():
+        data = content if isinstance(content, bytes) else content.encode()
+        (folder / f"{name}.csv").write_bytes(data)
+    mapping = {"describes": "made here", "ignore": ["*.yaml"], "tests": entries}
+    (folder / "mapping.yaml").write_text(yaml.safe_dump(mapping))
+    return read_sources([folder], folder / "mapping.yaml")[0].tests
+
+
+def one(folder, text, **changes):
+    return tests_of(folder, [{"files": ["*.csv"], "kind": "uniaxial", **COLUMNS, **changes}], a=text)
+
+
+def table(cells, separator=",", quote='"'):
+    lines = [["Time", "Weg", "Kraft"], *cells]
+    return "\n".join(separator.join(f"{quote}{cell}{quote}" for cell in line) for line in lines) + "\n"
+
+
+def assert_right(test, scale=1.0):
+    np.testing.assert_allclose(test.stretch, LAM, atol=1e-4)
+    np.testing.assert_allclose(test.nominal_stress, 0.05 * scale * KINDS["uniaxial"], atol=1e-5)
+
+
+def grouped(between, decimal="."):
+    return lambda text: f"{float(text):,.1f}".replace(",", "T").replace(".", decimal).replace("T", between)
+
+
+@pytest.mark.parametrize(
+    ("form", "between"),
+    [
+        ({"thousands": ","}, ","),
+        ({"thousands": ".", "decimal": ",", "separator": ";"}, "."),
+        ({"thousands": "'", "decimal": ".", "separator": ";"}, "'"),
+        ({"thousands": " ", "decimal": ",", "separator": ";"}, "\u202f"),
+    ],
+)
+def test_thousands_are_read_where_declared_and_named_where_not(tmp_path, form, between):
+    text = table(rows(signs=grouped(between, form.get("decimal", "."))), form.get("separator", ","))
+    (test,) = one(tmp_path, text, table=form)
+    assert_right(test)
+    plain = {key: value for key, value in form.items() if key != "thousands"}
+    with pytest.raises(
+        TableError, match=r"a finite number is needed: for thousands separators set `table: \{thousands"
+    ):
+        one(tmp_path, text, table=plain)
+
+
+@pytest.mark.parametrize("cell", ["1,00.0", "10,00", "1,0000", "1,000,00", ",100", "1,000.0,0"])
+def test_groups_of_other_than_three_digits_are_no_number(tmp_path, cell):
+    cells = rows(signs=grouped(","))
+    cells[20][1] = cell
+    with pytest.raises(TableError, match="row 22: Weg is"):
+        one(tmp_path, table(cells), table={"thousands": ","})
+
+
+def test_one_sign_for_decimals_and_thousands_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="both ','"):
+        one(tmp_path, "", table={"decimal": ",", "separator": ";", "thousands": ","})
+
+
+@pytest.mark.parametrize(
+    "clock",
+    [
+        lambda k: f"{(3590 + 7 * k) // 3600}:{(3590 + 7 * k) // 60 % 60:02d}:{(3590 + 7 * k) % 60:02d}.25",
+        lambda k: f"{(3590 + 7 * k) // 60}:{(3590 + 7 * k) % 60:02d}.25",
+    ],
+)
+def test_times_of_a_clock(tmp_path, clock):
+    text = table(rows(clock=clock))
+    (test,) = one(tmp_path, text, time={"column": "Time", "unit": "h:mm:ss"})
+    np.testing.assert_allclose(test.time_s - test.time_s[0], 7.0 * np.arange(41))
+    assert test.time_s[0] == pytest.approx(3590.25)
+    with pytest.raises(TableError, match="Time is .*set the column's unit to h:mm:ss"):
+        one(tmp_path, text)
+    broken = rows(clock=clock)
+    broken[1][0] = "1:61:00"
+    with pytest.raises(TableError, match=r"row 3: Time is '1:61:00'; a time h:mm:ss"):
+        one(tmp_path, table(broken), time={"column": "Time", "unit": "h:mm:ss"})
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-32", "utf-8-sig"])
+def test_the_mark_of_a_file_decides_its_encoding(tmp_path, encoding):
+    assert_right(one(tmp_path, table(rows()).encode(encoding))[0])
+
+
+def test_utf_16_without_its_mark_names_the_key(tmp_path):
+    content = table(rows()).encode("utf-16-le")
+    with pytest.raises(TableError, match="null character.*utf-16-le"):
+        one(tmp_path, content)
+    assert_right(one(tmp_path, content, table={"encoding": "utf-16-le"})[0])
+
+
+@pytest.mark.parametrize(
+    "above",
+    [
+        lambda k: f"Specimen {k}\n",
+        lambda k: f"\n\nProbe {k};x\nWidth,20\n",
+        lambda k: f'"Probe {k}",,\n',
+        lambda k: "" if k == 1 else "\n",
+    ],
+)
+@pytest.mark.parametrize("units", ["", "s,mm,mN\n"])
+def test_specimens_below_each_other_in_one_file(tmp_path, above, units):
+    stacked = "".join(
+        above(k) + table(rows(1 + 0.1 * k), quote="").replace("\n", "\n" + units, 1) for k in (1, 2, 3)
+    )
+    found = one(tmp_path, stacked)
+    assert len({test.sample for test in found}) == 3
+    for k, test in enumerate(found, 1):
+        assert_right(test, 1 + 0.1 * k)
+
+
+def test_a_summary_that_names_the_columns_is_no_specimen(tmp_path):
+    with pytest.raises(TableError, match="both name the columns"):
+        one(tmp_path, "Report\nTime,Weg,Kraft\n\n" + table(rows(), quote=""))
+
+
+SIDES = [
+    {
+        "files": ["d.csv"],
+        "kind": kind,
+        "strain": {"column": str(2 * k + 1), "measure": "stretch"},
+        "stress": {"column": str(2 * k + 2), "unit": "MPa", "measure": "nominal"},
+        "table": {"header": False, "skip_rows": 1, "columns": 6},
+    }
+    for k, kind in enumerate(KINDS)
+]
+
+
+def beside(lengths=(41, 41, 41)):
+    cells = [
+        [
+            f"{LAM[i]:.5f},{0.05 * curve[i]:.6f}" if i < length else ","
+            for curve, length in zip(KINDS.values(), lengths)
+        ]
+        for i in range(41)
+    ]
+    return "UT,,PS,,ET,\n" + "\n".join(",".join(line) for line in cells)
+
+
+@pytest.mark.parametrize("lengths", [(41, 41, 41), (41, 20, 30), (10, 41, 12)])
+def test_curves_side_by_side_are_all_read(tmp_path, lengths):
+    found = {test.test: test for test in tests_of(tmp_path, SIDES, d=beside(lengths))}
+    for (kind, curve), length in zip(KINDS.items(), lengths):
+        np.testing.assert_allclose(found[kind].nominal_stress, 0.05 * curve[:length], atol=1e-6)
+
+
+def test_two_curves_of_one_kind_are_two_samples(tmp_path):
+    entries = [
+        {**SIDES[0], "files": ["d.csv"]},
+        {**SIDES[1], "kind": "uniaxial", "plausible_shear_modulus_kPa": [20, 100]},
+    ]
+    assert len({test.sample for test in tests_of(tmp_path, entries, d=beside())}) == 2
+
+
+def test_a_hole_in_one_curve_is_refused(tmp_path):
+    lines = beside().splitlines()
+    cells = lines[20].split(",")
+    lines[20] = ",".join([cells[0], "", *cells[2:]])
+    with pytest.raises(TableError, match=r"d\.csv, row 21: 2 is nothing"):
+        tests_of(tmp_path, SIDES, d="\n".join(lines))
+
+
+@pytest.mark.parametrize("pattern", ["zug_*.csv", "*"])
+def test_an_entry_that_reads_no_file_is_an_error_unless_optional(tmp_path, pattern):
+    entries = [*SIDES, {**SIDES[0], "files": [pattern]}]
+    with pytest.raises(
+        TableError, match=r"entry 4 of the mapping \(uniaxial, files .*\) reads no file; .*optional: true"
+    ):
+        tests_of(tmp_path, entries, d=beside())
+    entries[-1]["optional"] = True
+    assert len(tests_of(tmp_path, entries, d=beside())) == 3
+
+
+def test_a_later_pattern_that_fits_too_reads_only_what_is_left(tmp_path):
+    entries = [*SIDES, {"files": ["*.csv"], "kind": "uniaxial", **COLUMNS}]
+    found = tests_of(tmp_path, entries, d=beside(), other=table(rows()))
+    assert sorted(test.source for test in found) == ["d.csv"] * 3 + ["other.csv"]
+    mapping = load_mapping(tmp_path / "mapping.yaml")
+    assert len(mapping.entries_for("d.csv")) == 3 and mapping.entry_for("d.csv").kind == "uniaxial"
