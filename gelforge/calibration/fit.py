@@ -151,13 +151,17 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
     study = _study_at(solver.study, free, own, a)
     linear = start = _about(replace(solver, study=study), observations, free, a, first=True)
     observations, every = start.problem.observations, np.ones(len(start.problem.labels), bool)
+    across = False
     for solved in range(1, MOST + 1):
         fit = linear.fitted(every)
         a = np.concatenate(fit.amounts)
         sd = np.sqrt(np.diag(fit.covariance))
         converged = bool(np.all(np.abs(a - linear.at) <= ENOUGH * sd))
-        if converged or solved == MOST:
+        if solved == MOST or (converged and across):
             break
+        if converged:
+            linear, across = _across(solver, observations, free, linear, sd), True
+            continue
         stage(
             "step " + ", ".join(f"{one.name} {one.value(x):.4g} {one.kind.unit}" for one, x in zip(free, a))
         )
@@ -166,6 +170,28 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
     a_trained = np.concatenate(linear.fitted(~held_out).amounts) if held_out.any() else a
     test = global_test(linear.left(a), linear.problem.covariance, linear.columns)
     return Fit(free, a, fit.covariance, start, linear, solved, converged, held_out, a_trained, test.p)
+
+
+def _across(
+    solver: Solver, observations: Observations, free: Sequence[Free], linear: Linear, sd: np.ndarray
+) -> Linear:
+    """Return the problem with columns that are solved differences across a standard deviation (q,) on the study's mesh.
+
+    Those of the coarser mesh err, and where a surface sticks they hold at one coefficient of friction and not beside it:
+    an interval is what the forces do over its width. A difference that is not solved leaves its column.
+    """
+    parts = list(linear.problem.candidates)
+    for k, (x, s) in enumerate(zip(linear.at, sd)):
+        there = linear.at.copy()
+        there[k] -= np.copysign(s, x)  # towards the prior's mean, within the bounds
+        study = _study_at(linear.study, free, linear.at, there)
+        try:
+            change = _forces(replace(solver, study=study), observations) - linear.problem.base
+        except SolverFailed:
+            continue
+        column = linear.problem.observations.flat(change) / (there[k] - x)
+        parts[k] = replace(parts[k], columns=column[:, None])
+    return replace(linear, problem=replace(linear.problem, candidates=parts))
 
 
 def held_out_of(problem: Problem, seed: int) -> np.ndarray:
