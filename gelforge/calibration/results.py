@@ -63,6 +63,7 @@ def content_of(fit: Fit, title: str, synthetic: bool, made: Provenance) -> dict[
         },
         "error_N": {"before": rms(fit, none), "after": rms(fit, residuals)},
         "held_out": {
+            "block": fit.block,
             "sites": len(set(problem.labels["site"][fit.held_out])),
             "of_sites": len(problem.observations.sites),
             "readings": int(fit.held_out.sum()),
@@ -118,7 +119,7 @@ def readings_of(fit: Fit) -> pd.DataFrame:
         after_N=measured - fit.last.left(fit.a),
         predicted_N=measured - fit.last.left(fit.a_trained),
         sigma_N=problem.covariance.standard_deviation,
-        held_out=np.where(fit.held_out, "positions", "no"),
+        held_out=np.where(fit.held_out, fit.block, "no"),
     )
 
 
