@@ -25,7 +25,7 @@ from gelforge.mismatch.terms.refit import Refitted, refitted
 from gelforge.progress import stage
 
 ENOUGH = 0.1  # of a posterior standard deviation: a step that no interval would show
-MOST = 10  # estimates that are solved
+MOST = 12  # fits; half of them with derivatives of the coarser mesh
 FORM_ERROR = FORM_ERRORS[0]  # of a change of the forces, a share of it
 NEAR = 1.0  # of a prior's standard deviation: within it the columns follow the solved forces
 SHORTER = 4  # times that a step is halved where the finite elements do not reach its end
@@ -127,6 +127,7 @@ class Fit:
     last: Linear  # about the last estimate but one: the last step is smaller than ENOUGH, if converged
     solved: int  # estimates
     converged: bool
+    block: str  # what is held out: positions, deepest
     held_out: np.ndarray  # (n,) bool
     a_trained: np.ndarray  # (q,) by the other readings
     p: float  # that noise leaves as much
@@ -151,27 +152,54 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
     study = _study_at(solver.study, free, own, a)
     linear = start = _about(replace(solver, study=study), observations, free, a, first=True)
     observations, every = start.problem.observations, np.ones(len(start.problem.labels), bool)
+    across = False
     for solved in range(1, MOST + 1):
         fit = linear.fitted(every)
         a = np.concatenate(fit.amounts)
         sd = np.sqrt(np.diag(fit.covariance))
         converged = bool(np.all(np.abs(a - linear.at) <= ENOUGH * sd))
-        if converged or solved == MOST:
+        if across and (converged or solved == MOST):
             break
+        if not across and (converged or solved == MOST // 2):
+            linear, across = _across(solver, observations, free, linear, sd), True
+            continue
         stage(
             "step " + ", ".join(f"{one.name} {one.value(x):.4g} {one.kind.unit}" for one, x in zip(free, a))
         )
         linear = _reached(solver, observations, free, linear, a)
-    held_out = held_out_of(linear.problem, solver.study.seed)
+    block, held_out = held_out_of(linear.problem, solver.study.seed)
     a_trained = np.concatenate(linear.fitted(~held_out).amounts) if held_out.any() else a
     test = global_test(linear.left(a), linear.problem.covariance, linear.columns)
-    return Fit(free, a, fit.covariance, start, linear, solved, converged, held_out, a_trained, test.p)
+    return Fit(free, a, fit.covariance, start, linear, solved, converged, block, held_out, a_trained, test.p)
 
 
-def held_out_of(problem: Problem, seed: int) -> np.ndarray:
+def _across(
+    solver: Solver, observations: Observations, free: Sequence[Free], linear: Linear, sd: np.ndarray
+) -> Linear:
+    """Return the problem with columns that are solved differences across a standard deviation (q,) on the study's mesh.
+
+    Those of the coarser mesh err, and where a surface sticks they hold at one coefficient of friction and not beside it:
+    an interval is what the forces do over its width. A difference that is not solved leaves its column.
+    """
+    parts = list(linear.problem.candidates)
+    for k, (x, s) in enumerate(zip(linear.at, sd)):
+        there = linear.at.copy()
+        there[k] -= np.copysign(s, x)  # towards the prior's mean, within the bounds
+        study = _study_at(linear.study, free, linear.at, there)
+        try:
+            change = _forces(replace(solver, study=study), observations) - linear.problem.base
+        except SolverFailed:
+            continue
+        column = linear.problem.observations.flat(change) / (there[k] - x)
+        parts[k] = replace(parts[k], columns=column[:, None])
+    return replace(linear, problem=replace(linear.problem, candidates=parts))
+
+
+def held_out_of(problem: Problem, seed: int) -> tuple[str, np.ndarray]:
     """Return the entries (n,) bool of about a quarter of the sites; of few sites those of the deepest quarter of depths."""
     held = split(problem.labels, seed).held
-    return held["positions"] if held["positions"].any() else held["deepest"]
+    name = "positions" if held["positions"].any() else "deepest"
+    return name, held[name]
 
 
 def _study_at(study: Study, free: Sequence[Free], now: np.ndarray, then: np.ndarray) -> Study:

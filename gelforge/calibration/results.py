@@ -13,7 +13,7 @@ import pandas as pd
 from gelforge.calibration.fit import Fit
 from gelforge.calibration.parameters import MATERIAL_KINDS, Free
 from gelforge.calibration.priors import NINETY
-from gelforge.calibration.words import AT_PRIOR, correlation, kind_of, sentences
+from gelforge.calibration.words import AT_PRIOR, at_bounds, correlation, kind_of, sentences
 from gelforge.config import Study, write_yaml
 from gelforge.files import digest, write_product_json
 from gelforge.materials.fitting.law_file import MaterialLaw, write_law
@@ -63,6 +63,7 @@ def content_of(fit: Fit, title: str, synthetic: bool, made: Provenance) -> dict[
         },
         "error_N": {"before": rms(fit, none), "after": rms(fit, residuals)},
         "held_out": {
+            "block": fit.block,
             "sites": len(set(problem.labels["site"][fit.held_out])),
             "of_sites": len(problem.observations.sites),
             "readings": int(fit.held_out.sum()),
@@ -77,12 +78,6 @@ def content_of(fit: Fit, title: str, synthetic: bool, made: Provenance) -> dict[
         "cannot_know": list(problem.observations.cannot_know),
         "provenance": made.model_dump(mode="json"),
     }
-
-
-def at_bounds(fit: Fit) -> list[bool]:
-    """Return which estimates lie on a physical bound."""
-    close = [1e-2 * one.width for one in fit.free]
-    return [bool(min(a - one.bounds[0], one.bounds[1] - a) < c) for one, a, c in zip(fit.free, fit.a, close)]
 
 
 def parameter_of(one: Free, a: float, sd: float, at_bound: bool) -> dict[str, Any]:
@@ -124,7 +119,7 @@ def readings_of(fit: Fit) -> pd.DataFrame:
         after_N=measured - fit.last.left(fit.a),
         predicted_N=measured - fit.last.left(fit.a_trained),
         sigma_N=problem.covariance.standard_deviation,
-        held_out=np.where(fit.held_out, "positions", "no"),
+        held_out=np.where(fit.held_out, fit.block, "no"),
     )
 
 

@@ -49,6 +49,12 @@ def inseparable(names: Sequence[str], correlations: np.ndarray) -> Iterator[str]
             )
 
 
+def at_bounds(fit: Fit) -> list[bool]:
+    """Return which estimates lie on a physical bound."""
+    close = [1e-2 * one.width for one in fit.free]
+    return [bool(min(a - one.bounds[0], one.bounds[1] - a) < c) for one, a, c in zip(fit.free, fit.a, close)]
+
+
 def sentences(fit: Fit) -> list[str]:
     """Return what a user must know of a calibration."""
     names = [one.name for one in fit.free]
@@ -56,6 +62,11 @@ def sentences(fit: Fit) -> list[str]:
     left = [one.name for one, sd in zip(fit.free, fit.sd) if sd > AT_PRIOR * one.width]
     if left:
         said.append(f"The presses leave {', '.join(left)} at the prior: they hardly depend on it.")
+    if bounded := [one.name for one, there in zip(fit.free, at_bounds(fit)) if there]:
+        said.append(
+            f"{', '.join(bounded)} on a physical bound, where its interval is that of a linear change; record presses that"
+            " depend on it, or give a narrower prior."
+        )
     if not fit.converged:
         said.append(f"The estimate still moved after {fit.solved} solutions; give a narrower prior.")
     if fit.p < LEAST_P:

@@ -78,7 +78,7 @@ def in_short(content: Content) -> Chapter:
     facts = [("Presses", f"{content['presses']}, at {held['of_sites']} sites")]
     facts += [
         (
-            f"F{axis} of {held['readings']} readings held out",
+            f"F{axis} of {held['readings']} readings held out ({held['block']})",
             f"{before:.3g} N off before, {held['after_N'][axis]:.3g} N after; the force is {held['force_N'][axis]:.3g} N"
             " (rms)",
         )

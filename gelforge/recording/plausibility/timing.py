@@ -168,7 +168,7 @@ def _to_a_sample(readings: pd.DataFrame, log: ForceLog, axis: int, lag_s: float)
         before, after = min(BEND_WINDOW_S, moving) - BEND_S, min(BEND_WINDOW_S, rest) - BEND_S
         found: tuple[float, float] | None = (lag_s, np.inf)
         for _ in range(RECENTRED):
-            about = found[0]
+            about = found[0] if found else lag_s
             found = bend_near(arrive, about, before, after, -1, log.time_s, log.force_N[:, axis])
             if found is None or abs(found[0] - about) < BEND_S - BEND_STEP_S:
                 break
