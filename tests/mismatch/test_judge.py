@@ -126,18 +126,25 @@ def test_what_is_not_sure_not_adequate_or_not_physical_is_not_identified():
     assert state(adequacy=poor) == state(out=True) == "unexplained"
 
 
-def test_an_alarm_needs_an_unlikely_nothing_unless_the_readings_are_certainly_not_noise():
+def test_an_alarm_needs_a_clear_residual_or_an_unlikely_nothing():
     _, found, _ = identified()
     likely = replace(found.posterior, evidence={})
     assert likely.probability == {frozenset(): 1.0}
     seen = found.mismatch
-    small = replace(seen, test=replace(seen.test, p=1e-4), scan=replace(seen.scan, p=1e-3), known_p=1e-9)
+
+    def tests(chi2, scan, known):
+        return replace(
+            seen,
+            test=replace(seen.test, p=chi2),
+            scan=replace(seen.scan, p=scan),
+            known_p=known,
+            unknown_p=1.0,
+        )
+
+    small = tests(0.005, 0.005, 1e-9)  # evidence that is not tempered, beside tests that are no clear alarm
     assert _alarm(small, found.posterior) and not _alarm(small, likely)
-    assert _alarm(replace(small, test=replace(seen.test, p=1e-7)), likely)
-    quiet = replace(
-        small, test=replace(seen.test, p=0.3), scan=replace(seen.scan, p=0.3), known_p=1.0, unknown_p=1.0
-    )
-    assert not _alarm(quiet, found.posterior)
+    assert _alarm(tests(1e-3, 0.3, 1.0), likely) and _alarm(tests(0.3, 1e-3, 1.0), likely)
+    assert not _alarm(tests(0.3, 0.3, 1.0), found.posterior)
 
 
 @pytest.mark.parametrize(

@@ -24,10 +24,9 @@ from gelforge.mismatch.terms.weighing import chance_of_known
 from gelforge.progress import stage
 
 LIKELY = 0.5
-# An alarm also asks that nothing being missing is unlikely, by the same tempered evidence as the answer.
+# Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm.
+# Chi-square and scan are exact: below LEFT_P either is an alarm by itself, in at most 4 of 1,000 recordings by chance.
 NOTHING_P = 0.1
-# Of chi-square or the scan. Below it readings are not noise, even where no effect and no kernel is likelier than nothing.
-CERTAIN_P = 1e-6
 MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too few
 
 
@@ -99,8 +98,8 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
 
 
 def _alarm(mismatch: ResidualTests, posterior: Posterior) -> bool:
-    """Return whether there is a mismatch: one of the tests says so, and nothing being missing is unlikely."""
-    if min(mismatch.test.p, mismatch.scan.p) < CERTAIN_P:
+    """Return whether there is a mismatch: chi-square or scan are clear, or a test at ALARM_P and the posterior agree."""
+    if min(mismatch.test.p, mismatch.scan.p) < LEFT_P:
         return True
     return mismatch.p < ALARM_P and posterior.probability[NOTHING] < NOTHING_P
 
