@@ -45,6 +45,9 @@ def answer(results: MismatchResults) -> Chapter:
     return chapter
 
 
+MOST_SHOWN = 8  # effects of a credible set in its table
+
+
 def _tabulate_set(chapter: Chapter, verdict: Verdict, group: Group, begin: str) -> None:
     """Add the credible set of one cause, the leading effect first."""
     effects, several = {effect.name: effect for effect in verdict.effects}, len(group.names) > 1
@@ -55,11 +58,13 @@ def _tabulate_set(chapter: Chapter, verdict: Verdict, group: Group, begin: str) 
             "value (90 % interval), place": value_text(effects[name]),
             "same line": None if not several else "" if name == group.names[0] else name in group.members,
         }
-        for name in group.names
+        for name in group.names[:MOST_SHOWN]
     ]
-    one = f": one of these {len(rows)} effects" if several else ""
+    one = f": one of these {len(group.names)} effects" if several else ""
     words = f"{begin}robability {chance_text(group.chance)}{one}."
-    chapter.tabulate(words, filled(rows), [name != group.names[0] for name in group.names])
+    chapter.tabulate(words, filled(rows), [name != group.names[0] for name in group.names[:MOST_SHOWN]])
+    if rest := group.names[MOST_SHOWN:]:
+        chapter.say(f"And {', '.join(map(pretty, rest))}, whose shares and values stand below.")
     if several and group.differs_N is not None and group.differs_snr is not None:
         patch = "; one patch serves for all" if group.one_patch else ""
         size = f"{two_digits(group.differs_N)} N rms at most, {two_digits(group.differs_snr)} σ in all{patch}"
