@@ -221,3 +221,22 @@ def test_a_long_session_is_sampled_in_runs():
     assert len(rows) == RUNS * RUN_LENGTH
     assert rows.groupby("run")["press"].apply(list).to_list()[0] == lines[:RUN_LENGTH]
     assert rows["press"].iloc[-1] == lines[-1]
+
+
+def banded(amplitude):
+    """Return a change of single pictures: bands of light along the rows, elsewhere in each, as of a rolling shutter."""
+    rng = np.random.default_rng(3)
+
+    def change(picture):
+        rows = np.arange(picture.shape[0])[:, None]
+        light = 1 + amplitude * np.sin(2 * np.pi * (3 * rows / len(rows) + rng.uniform()))
+        return np.clip(picture * light, 0, 255).astype(np.uint8)
+
+    return change
+
+
+def test_bands_of_a_rolling_shutter_are_named(tmp_path):
+    refused(
+        write_image_session(tmp_path / "s", finish=banded(0.5)),
+        r"image .*\.png has bands of \+-\d+ % brightness .* rolling shutter .*multiples of 1/100 s",
+    )
