@@ -93,8 +93,8 @@ def _check_single_rows(path, lines, position, force, segment) -> None:
         if flat is not None:
             raise TableError(
                 f"{path}, row {lines[own[flat]]}: from here on the force stays at {force[own[flat]]:.4g} N to the last"
-                " digit, its largest value, while the indenter goes deeper: the load cell is saturated; leave these rows out,"
-                " or confirm it (`odd_rows: keep`)"
+                " digit, its largest value, while the indenter goes deeper: the load cell is saturated; leave these rows"
+                " out, or confirm it (`odd_rows: keep`)"
             )
         row = single_row(position[own], force[own])
         if row is not None:
