@@ -99,7 +99,7 @@ def test_noise_softening_and_a_hold_are_no_fall(tmp_path, seed):
     time = np.arange(len(held)) * 1.0
     read(tmp_path, held, noisy(relaxed, seed), time, history="relaxation")
     cycle = np.r_[LAM, LAM[::-1]]
-    read(tmp_path, cycle, noisy(np.r_[P(LAM), 0.5 * P(LAM)[::-1]], seed), history="cyclic")
+    read(tmp_path, cycle, noisy(np.r_[P(LAM), (P(LAM) * (LAM - 1))[::-1]], seed), history="cyclic")
 
 
 @pytest.mark.parametrize("at", [0.5, 0.8])

@@ -28,7 +28,7 @@ def rows(scale=1.0, signs=str, clock=str):
     ]
 
 
-def tests_of(folder, entries, **files):
+def read_all(folder, entries, **files):
     for name, content in files.items():
         data = content if isinstance(content, bytes) else content.encode()
         (folder / f"{name}.csv").write_bytes(data)
@@ -38,7 +38,7 @@ def tests_of(folder, entries, **files):
 
 
 def one(folder, text, **changes):
-    return tests_of(folder, [{"files": ["*.csv"], "kind": "uniaxial", **COLUMNS, **changes}], a=text)
+    return read_all(folder, [{"files": ["*.csv"], "kind": "uniaxial", **COLUMNS, **changes}], a=text)
 
 
 def table(cells, separator=",", quote='"'):
@@ -170,7 +170,7 @@ def beside(lengths=(41, 41, 41)):
 
 @pytest.mark.parametrize("lengths", [(41, 41, 41), (41, 20, 30), (10, 41, 12)])
 def test_curves_side_by_side_are_all_read(tmp_path, lengths):
-    found = {test.test: test for test in tests_of(tmp_path, SIDES, d=beside(lengths))}
+    found = {test.test: test for test in read_all(tmp_path, SIDES, d=beside(lengths))}
     for (kind, curve), length in zip(KINDS.items(), lengths):
         np.testing.assert_allclose(found[kind].nominal_stress, 0.05 * curve[:length], atol=1e-6)
 
@@ -180,7 +180,7 @@ def test_two_curves_of_one_kind_are_two_samples(tmp_path):
         {**SIDES[0], "files": ["d.csv"]},
         {**SIDES[1], "kind": "uniaxial", "plausible_shear_modulus_kPa": [20, 100]},
     ]
-    assert len({test.sample for test in tests_of(tmp_path, entries, d=beside())}) == 2
+    assert len({test.sample for test in read_all(tmp_path, entries, d=beside())}) == 2
 
 
 def test_a_hole_in_one_curve_is_refused(tmp_path):
@@ -188,7 +188,7 @@ def test_a_hole_in_one_curve_is_refused(tmp_path):
     cells = lines[20].split(",")
     lines[20] = ",".join([cells[0], "", *cells[2:]])
     with pytest.raises(TableError, match=r"d\.csv, row 21: 2 is nothing"):
-        tests_of(tmp_path, SIDES, d="\n".join(lines))
+        read_all(tmp_path, SIDES, d="\n".join(lines))
 
 
 @pytest.mark.parametrize("pattern", ["zug_*.csv", "*"])
@@ -197,14 +197,14 @@ def test_an_entry_that_reads_no_file_is_an_error_unless_optional(tmp_path, patte
     with pytest.raises(
         TableError, match=r"entry 4 of the mapping \(uniaxial, files .*\) reads no file; .*optional: true"
     ):
-        tests_of(tmp_path, entries, d=beside())
+        read_all(tmp_path, entries, d=beside())
     entries[-1]["optional"] = True
-    assert len(tests_of(tmp_path, entries, d=beside())) == 3
+    assert len(read_all(tmp_path, entries, d=beside())) == 3
 
 
 def test_a_later_pattern_that_fits_too_reads_only_what_is_left(tmp_path):
     entries = [*SIDES, {"files": ["*.csv"], "kind": "uniaxial", **COLUMNS}]
-    found = tests_of(tmp_path, entries, d=beside(), other=table(rows()))
+    found = read_all(tmp_path, entries, d=beside(), other=table(rows()))
     assert sorted(test.source for test in found) == ["d.csv"] * 3 + ["other.csv"]
     mapping = load_mapping(tmp_path / "mapping.yaml")
     assert len(mapping.entries_for("d.csv")) == 3 and mapping.entry_for("d.csv").kind == "uniaxial"

@@ -92,8 +92,8 @@ def _check_single_rows(path, lines, position, force, segment) -> None:
         flat = flat_top(position[own], force[own] - force[own[0]])
         if flat is not None:
             raise TableError(
-                f"{path}, row {lines[own[flat]]}: from here on the force stays at its largest value,"
-                f" {force[own[flat]]:.4g} N, while the indenter goes deeper: the load cell is saturated; leave these rows"
+                f"{path}, row {lines[own[flat]]}: from here on the force stays at {force[own[flat]]:.4g} N to the last"
+                " digit, its largest value, while the indenter goes deeper: the load cell is saturated; leave these rows"
                 " out, or confirm it (`odd_rows: keep`)"
             )
         row = single_row(position[own], force[own])

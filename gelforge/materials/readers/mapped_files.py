@@ -339,7 +339,7 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
 
 def _sorted(path: Path, entry: TestMapping, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """Return a table in the order of its strain, away from rest, and what was done."""
-    assert entry.strain is not None  # a mapping of a test has one
+    assert entry.strain is not None  # by the entry's kind
     stretch = stretch_of(path, entry, table, entry.strain)[0]
     at_rest = 0.0 if entry.kind == "simple_shear" else 1.0
     away = np.sign(stretch[np.argmax(np.abs(stretch - at_rest))] - at_rest) or 1.0

@@ -166,12 +166,12 @@ def _to_a_sample(readings: pd.DataFrame, log: ForceLog, axis: int, lag_s: float)
         )
         moving = MOTION * float(held["depth_mm"].iloc[0]) / speed if speed > 0 else BEND_WINDOW_S
         before, after = min(BEND_WINDOW_S, moving) - BEND_S, min(BEND_WINDOW_S, rest) - BEND_S
-        found: tuple[float, float] | None = (lag_s, np.inf)
+        about = lag_s
         for _ in range(RECENTRED):
-            about = found[0] if found else lag_s
             found = bend_near(arrive, about, before, after, -1, log.time_s, log.force_N[:, axis])
             if found is None or abs(found[0] - about) < BEND_S - BEND_STEP_S:
                 break
+            about = found[0]
         if found is not None and np.isfinite(found[1]):
             lags.append(found[0])
     return float(np.median(lags)) if len(lags) >= LEAST_INDENTATIONS else lag_s
