@@ -1,8 +1,7 @@
 """Sets of changes that the nominal model of material tests may lack, by the linear Gaussian engine of recordings.
 
 Every change alone is fitted at its most probable values, and is linear from there on: all sets are weighed by these linear
-changes. A set is then fitted with its changes as they are, in its likeliest shapes by these and in the shapes that are
-likeliest alone. Its evidence is that of the linear model about the better fit.
+changes. A set is then fitted with its changes as they are, and its evidence is that of the linear model about the fit.
 """
 
 from __future__ import annotations
@@ -153,13 +152,10 @@ def posterior_of(readings: Readings, changes: Sequence[Change]) -> tuple[Posteri
     alone = [fitted(readings, (change,)) for change in tracked(changes, "effects and their shapes fitted")]
     linear = Linear.of(residual, covariance, [_through(fit) for fit in alone])
     tables, number, scale = set_tables(linear)
-    by_evidence = sorted(alone, key=lambda fit: fit.log_evidence)
-    likeliest = {fit.model[0].name: fit.model[0] for fit in by_evidence}  # shape of each effect alone
     fits: dict[Effects, Fitted] = {}
     sets: dict[Effects, Screened] = {}
     for effects, average, _, chosen in tracked(tables, "sets of effects fitted"):
-        tried = [changes[number[k]].scaled(scale[k]) for k in chosen], [likeliest[name] for name in effects]
-        fit = max((fitted(readings, one) for one in tried), key=lambda fit: fit.log_evidence)
+        fit = fitted(readings, [changes[number[k]].scaled(scale[k]) for k in chosen])
         best = linear.log_bayes_factors(number[chosen][None], scale[chosen][None])[0]
         # Other shapes and scales are taken to gain what the best ones gain by the fit.
         gained = fit.log_evidence - nothing - best
