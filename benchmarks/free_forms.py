@@ -262,7 +262,7 @@ def said(found: Judgement) -> str:
         parts.append(f"{cause} {found.model.probability:.2f}")
     alone = found.model is not None and not found.model.beside and found.model.sure
     if found.answer is not None and not alone:
-        parts += [f"{' | '.join((*g.members, *g.or_else))} {g.probability:.2f}" for g in found.answer.groups]
+        parts += [f"{' | '.join(g.names)} {g.probability:.2f}" for g in found.answer.groups]
     return "; ".join(parts)
 
 

@@ -184,7 +184,7 @@ def value_of(problem, found, case: Intervention) -> str:
     if found.answer is None:
         return ""
     fit, groups = found.answer.fit, found.answer.groups
-    own = [case.effect in {*group.members, *group.or_else} for group in groups]
+    own = [case.effect in {*group.names} for group in groups]
     if not any(own):
         return ""
     k = own.index(True)

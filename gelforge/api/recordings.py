@@ -61,7 +61,7 @@ def judge(recording: str | Path, study: Study | str | Path, out: str | Path, *, 
     Returns
     -------
     Verdict
-        `state` (consistent, identified, form_free, modelled, ambiguous, inconclusive, unexplained), `sentence`, groups of
+        `state` (consistent, identified, ambiguous, inconclusive, unexplained), `sentence`, groups of
         effects with probabilities, and the rest of verdict.json (docs/mismatch.md).
 
     Raises

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gelforge.calibration.fit import Fit, calibrated
 from gelforge.calibration.parameters import free_of
 from gelforge.calibration.priors import Prior
@@ -69,4 +71,5 @@ def fit_of(
     }
     solver = replace(solver, uncertain=others)
     stage("forces of the simulation, and how they follow the parameters")
-    return calibrated(solver, observations.chosen(pressed), free), synthetic
+    loaded = observations.chosen(pressed)
+    return calibrated(solver, loaded.at_sites(np.unique(loaded.table["site"])), free), synthetic

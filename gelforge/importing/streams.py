@@ -138,8 +138,9 @@ def _table(folder, path, source, other, key, units, declared, numbers, texts) ->
     if isinstance(source, StageSource) and source.gcode:
         return gcode_table(path, numbers, source.gcode)
     try:
-        # a table of several topics has rows without any of these values
-        form = source.table.csv_form(declared, shared_with=tuple(units))
+        # A table of several topics has rows without any of these values. Where rows stand for the time each one counts.
+        counted = source.rate_hz or source.even
+        form = source.table.csv_form(declared, shared_with=() if counted else tuple(units))
         return read_csv(path, numbers=numbers, texts=texts, form=form)
     except TableError as error:
         elsewhere, other_key = folder / other.file, "stage" if key == "force" else "force"

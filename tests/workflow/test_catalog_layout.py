@@ -74,7 +74,9 @@ def deployed(checkout, tmp_path, monkeypatch):
 
 def test_a_deployed_workflow_runs_the_demo_and_other_studies(deployed, capsys):
     lacking = deployed.snakemake("-n", check=False).stdout
-    assert "data/demo/materials/ecoflex_gel: no such folder" in lacking and "TableError" not in lacking
+    assert (
+        "data/demo/materials/ecoflex_gel: no such file or folder" in lacking and "TableError" not in lacking
+    )
     assert main(["examples"]) == 0  # brings data/; what is in config/ stays
     assert deployed.jobs()["all"] == 1
     capsys.readouterr()

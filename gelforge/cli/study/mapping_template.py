@@ -26,6 +26,7 @@ tests: # a file is read by the first entry with a pattern that fits its name
     cross_section_mm2: 20 # undeformed width times thickness
   - files: ['shear_*.csv']
     kind: pure_shear
+    optional: true # no such file need be there
     gauge_length_mm: 15
     cross_section_mm2: 200
 """

@@ -17,6 +17,7 @@ NOISE = 10.0  # standard deviations of a row
 LASTS_ROWS = 3  # a single row that is low is a reading that failed
 BROKEN = 0.3  # of the stress before, below which what is left bears nothing
 LEAST_ROWS = 8
+FEW_ROWS = 60  # below which WITHIN_ROWS are more than 5 % of the rows: so slow a fall is softening where more is borne later
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,8 @@ def sudden_fall(strain: np.ndarray, stress: np.ndarray) -> Fall | None:
         rest = size[after : after + LASTS_ROWS]
         if goes_on and len(rest) == LASTS_ROWS and base - rest.max() > limit:
             recovers = float(size[after:][strain[after:] >= strain[last]].max(initial=0.0) / size[last])
+            if recovers >= 1.0 and n < FEW_ROWS:
+                continue  # a yield point of a curve of few rows, which bears more later
             return Fall(last, after, float(stress[last]), float(stress[after]), recovers)
     return None
 

@@ -255,7 +255,8 @@ def spread_depths(observations: Observations, study: Study) -> Observations:
         return observations
     chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
     reported = f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
-    return observations.chosen(depth.isin(chosen).to_numpy()).saying(reported)
+    judged = observations.chosen(depth.isin(chosen).to_numpy())
+    return judged.at_sites(np.unique(judged.table["site"])).saying(reported)
 
 
 def spread_sites(observations: Observations, study: Study) -> Observations:

@@ -103,6 +103,8 @@ def refuse_turned(path: Path) -> None:
 
 
 def _refuse_turned(path: Path, image: Image.Image) -> None:
+    if image.format == "PNG" and "exif" not in image.info:
+        return  # to look for it the whole file would be decoded
     turned = image.getexif().get(ORIENTATION, 1)
     if turned not in (0, 1):  # 0: not known
         raise RecordingError(
