@@ -96,6 +96,13 @@ def test_a_table_of_several_topics_has_rows_without_the_others(logs, read):
         np.testing.assert_allclose(one.time_s, other.time_s, atol=2e-6)
 
 
+def test_a_row_without_values_is_refused_where_rows_are_counted(logs, read):
+    """Dropped, it would move all readings after it."""
+    counted = ("file: stage.csv\n  time: {column: t_ms, unit: ms}", "file: ft.csv\n  rate_hz: 100")
+    with pytest.raises(TableError, match="X is nothing"):
+        read(both_logs(logs), counted)
+
+
 def test_a_row_with_a_part_of_the_values_is_refused(logs, read):
     lines = both_logs(logs).splitlines()
     k = next(i for i, line in enumerate(lines) if i > 50 and line.split(",")[1])

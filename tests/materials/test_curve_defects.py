@@ -188,3 +188,12 @@ def test_the_own_format_has_the_same_remedies(tmp_path):
     with pytest.raises(TableError, match="a preload"):
         own_format(tmp_path, P(1.1 * LAM))
     assert modulus(own_format(tmp_path, P(1.1 * LAM), "toe")) == pytest.approx(25, rel=0.02)
+
+
+@pytest.mark.parametrize("rows", [30, 40, 50])
+def test_a_yield_point_of_a_curve_of_few_rows_that_bears_more_later_is_no_fall(tmp_path, rows):
+    """The stress drops by 18 % over 7 % of strain, and grows beyond it, as of foams."""
+    strain = np.linspace(0, 0.8, rows)
+    yielded = np.where(strain < 0.2, strain / 0.2, 1 - 0.18 * np.clip((strain - 0.2) / 0.07, 0, 1))
+    stress = 20 * (yielded + 1.2 * np.clip(strain - 0.3, 0, None))
+    assert len(read(tmp_path, 1 + strain, stress).stretch) == rows
