@@ -32,6 +32,9 @@ def chance_text(chance: float) -> str:
     return "> 99 %" if chance > 0.995 else f"{100 * chance:.0f} %"
 
 
+MOST_NAMES = 8  # of a credible set in a cell
+
+
 def answer_text(verdict: Verdict) -> str:
     """Return each set of the answer with its probability, shares and the value of its first effect, one to a line."""
     effects = {effect.name: effect for effect in verdict.effects}
@@ -45,7 +48,8 @@ def answer_text(verdict: Verdict) -> str:
             for name in group.names
         ]
         value = amounts_text(effects[group.members[0]])
-        said = f"{' or '.join(names)}: {chance_text(group.chance)}"
+        more = f" or {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+        said = f"{' or '.join(names[:MOST_NAMES])}{more}: {chance_text(group.chance)}"
         lines.append(f"{said}; {pretty(group.members[0])} {value}, 90 % interval" if value else said)
     return "\n".join(lines)
 
