@@ -45,8 +45,8 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_of
 from gelforge.mechanics.solving.equilibrium import Press
 from gelforge.mismatch.effects import with_taken
+from gelforge.mismatch.fem.asked import asked_of, felt_by
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.fem.solver import asked_of, felt_by
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.readings.sessions import observe
 from gelforge.mismatch.terms.body_map import BOX

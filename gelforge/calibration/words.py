@@ -44,7 +44,7 @@ def inseparable(names: Sequence[str], correlations: np.ndarray) -> Iterator[str]
         if abs(correlations[i, j]) > ALIKE:
             remedy = REMEDIES.get(frozenset((kind_of(names[i]), kind_of(names[j]))), OTHERWISE)
             yield (
-                f"{names[i]} and {names[j]} cannot be told apart by these presses"
+                f"{names[i]} and {names[j]} cannot be distinguished by these presses"
                 f" (correlation {correlations[i, j]:+.2f}); {remedy}."
             )
 

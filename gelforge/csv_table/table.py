@@ -72,19 +72,15 @@ class CsvForm:
     columns: int | None = None  # their number where there is no header; None: as many as the first row has
     header_begins_with: str | None = None  # text with which the header line begins, wherever it stands
     find_header: bool = False  # where the header lacks a column: take the only line that names all of them
-    units_row: bool | None = (
-        False  # the line below the header holds units; None: where it can be nothing else
-    )
-    units: Mapping[str, str] = field(
-        default_factory=dict
-    )  # declared by column: must be those of the units row
+    # The line below the header holds units; None: where it can be nothing else.
+    units_row: bool | None = False
+    # Declared by column: must be those of the units row.
+    units: Mapping[str, str] = field(default_factory=dict)
     rows: tuple[RowFilter, ...] = ()  # which rows are read
-    shared_with: tuple[
-        str, ...
-    ] = ()  # rows in which all of these columns are empty are those of others in one table
-    last_line: int | None = (
-        None  # number of the last line that is read, where specimens are stacked in one file
-    )
+    # Rows in which all of these columns are empty are those of others in one table.
+    shared_with: tuple[str, ...] = ()
+    # Number of the last line that is read, where specimens are stacked in one file.
+    last_line: int | None = None
 
 
 def read_csv(

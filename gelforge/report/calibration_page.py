@@ -93,7 +93,7 @@ def curves(readings: pd.DataFrame) -> Chapter:
     """Return force over depth before and after at a few sites, and what is left."""
     chapter = Chapter("curves", "Force over depth")
     chapter.show(
-        "Readings, the study at the priors' means (before), and calibrated by all readings (after); below, what is left"
+        "Readings, the study at the priors' means (before), and calibrated by all readings (after); below, residuals"
         " with the errors allowed for (two standard deviations).",
         curve_figure(readings),
     )
@@ -129,7 +129,7 @@ def curve_figure(readings: pd.DataFrame) -> Figure:
         upper.set_title(f"({own['x_mm'].iloc[0]:.3g}, {own['y_mm'].iloc[0]:.3g}) mm{held}", fontsize=9.5)
         lower.set_xlabel("depth [mm]")
     axes[0, 0].set_ylabel("$-F_z$ [N]")
-    axes[1, 0].set_ylabel("left of $-F_z$ [N]")
+    axes[1, 0].set_ylabel("residual of $-F_z$ [N]")
     handles = dict(zip(*axes[0, 0].get_legend_handles_labels()[::-1]))
     handles |= dict(zip(*axes[1, 0].get_legend_handles_labels()[::-1]))
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
@@ -138,10 +138,10 @@ def curve_figure(readings: pd.DataFrame) -> Figure:
 
 def residuals(readings: pd.DataFrame) -> Chapter:
     """Return what is left of the pressing force, site by site."""
-    chapter = Chapter("sites", "What is left, by site")
+    chapter = Chapter("sites", "Residuals by site")
     chapter.show(
-        "Mean of measured less simulated pressing force over its size [%], before and after; a pattern over the sensor says"
-        " that something with a place is missing.",
+        "Mean of measured less simulated pressing force over its size [%], before and after, each on its own scale."
+        " A pattern over the sensor says that something with a place is missing.",
         site_figure(readings),
     )
     return chapter
@@ -149,7 +149,7 @@ def residuals(readings: pd.DataFrame) -> Chapter:
 
 @styled
 def site_figure(readings: pd.DataFrame) -> Figure:
-    """Return two maps of the relative residual of Fz by site on one scale."""
+    """Return two maps of the relative residual of Fz by site, each on a scale of its own."""
     table = readings[readings["axis"] == "z"]
     by_site = table.groupby("site")
     place, force = by_site[["x_mm", "y_mm"]].first(), by_site["measured_N"].mean()
@@ -170,7 +170,7 @@ def site_figure(readings: pd.DataFrame) -> Figure:
             vmax=limit,
             edgecolors="#888",
         )
-        figure.colorbar(drawn, ax=ax, label="left of $F_z$ [%]")
+        figure.colorbar(drawn, ax=ax, label="residual of $F_z$ [%]")
         ax.set(title=name, xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
         ax.margins(0.2)
     return figure
@@ -178,7 +178,7 @@ def site_figure(readings: pd.DataFrame) -> Figure:
 
 def apart(content: Content) -> Chapter:
     """Return the correlations of the parameters."""
-    chapter, found = Chapter("apart", "Which parameters can be told apart"), content["correlation"]
+    chapter, found = Chapter("apart", "Which parameters can be distinguished"), content["correlation"]
     table = pd.DataFrame(np.round(found["matrix"], 3), columns=found["names"])
     table.insert(0, "parameter", found["names"])
     chapter.tabulate(

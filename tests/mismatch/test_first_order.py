@@ -20,7 +20,7 @@ from gelforge.indentation.solving.sensitivities import Variation, derivatives, u
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.places import FirstOrderAt
-from gelforge.mismatch.fem.solver import key_of
+from gelforge.mismatch.fem.asked import key_of
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.solver_effects import FirstOrder
 from gelforge.mismatch.terms import energy_terms, friction_terms

@@ -14,8 +14,8 @@ from gelforge.config import Session
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.fem.asked import asked_of, felt_by
 from gelforge.mismatch.fem.solutions import Solver, follow
-from gelforge.mismatch.fem.solver import asked_of, felt_by
 from gelforge.mismatch.model.context import Context
 
 TIGHT = {"solver": {"force_tolerance": 1e-10, "gap_tolerance": 1e-9, "max_iterations": 80}}

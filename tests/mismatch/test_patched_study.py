@@ -17,8 +17,9 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.fem.asked import REACH_MM
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.fem.solver import REACH_MM, base_of, forces_with
+from gelforge.mismatch.fem.solver import base_of, forces_with
 from gelforge.mismatch.pipeline.design import planned_observations
 from gelforge.mismatch.pipeline.patch import patch_of
 from gelforge.mismatch.pipeline.stage import judge_recording, with_known

@@ -13,17 +13,9 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem import solver as fem
+from gelforge.mismatch.fem.asked import REACH_MM, asked_of, felt_by
 from gelforge.mismatch.fem.solutions import Solver, follow, unloading_key, way_down
-from gelforge.mismatch.fem.solver import (
-    REACH_MM,
-    _by_what_is_felt,
-    _loading_curves,
-    _ways_down,
-    asked_of,
-    base_of,
-    felt_by,
-    forces_with,
-)
+from gelforge.mismatch.fem.solver import _by_what_is_felt, _loading_curves, _ways_down, base_of, forces_with
 from gelforge.mismatch.model.solver_effects import FAR_OUT, LARGEST_MOVE
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.readings.runs import runs_of, timed_runs_of

@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.fem import solutions
+from gelforge.mismatch.fem.asked import asked_of, felt_by
 from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
 from gelforge.mismatch.fem.solutions import Solver, follow
-from gelforge.mismatch.fem.solver import asked_of, felt_by
 from gelforge.mismatch.fem.stored import shortened
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.terms.candidates import effects_of_forces

@@ -14,8 +14,9 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import Derivative, Variation
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.fem.asked import asked_of
 from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
-from gelforge.mismatch.fem.solver import asked_of, forgetting
+from gelforge.mismatch.fem.solver import forgetting
 from gelforge.mismatch.fem.stored import place_digest, write_stored
 from gelforge.mismatch.free_forms import asked_for
 from gelforge.mismatch.model.context import Context

@@ -16,6 +16,7 @@ from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.indentation.solving.sensitivities import Variation, unmirrored
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.fem.asked import Asked, carried_derivatives, felt_by
 from gelforge.mismatch.fem.solutions import (
     Solver,
     SolverFailed,
@@ -24,7 +25,6 @@ from gelforge.mismatch.fem.solutions import (
     found_before,
     keep,
 )
-from gelforge.mismatch.fem.solver import Asked, carried_derivatives, felt_by
 from gelforge.mismatch.model.images_of_presses import inverse, solved_for_all
 from gelforge.virtual_lab.particles import interpolation
 

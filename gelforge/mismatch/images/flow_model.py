@@ -15,8 +15,9 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.places import FirstOrderAt
+from gelforge.mismatch.fem.asked import asked_of, felt_by, key_of
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, way_down
-from gelforge.mismatch.fem.solver import Base, asked_of, felt_by, key_of
+from gelforge.mismatch.fem.solver import Base
 from gelforge.mismatch.images.flow_fields import Moved, each_moved, each_moved_along, solved_with
 from gelforge.mismatch.images.flow_images import (
     PRESET,

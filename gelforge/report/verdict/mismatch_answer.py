@@ -10,6 +10,7 @@ from gelforge.report.figures.neighbours import MAP_SITES
 from gelforge.report.verdict.mismatch_maps import before_after_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import (
+    MOST_NAMES,
     chance_text,
     filled,
     p_text,
@@ -45,9 +46,6 @@ def answer(results: MismatchResults) -> Chapter:
     return chapter
 
 
-MOST_SHOWN = 8  # effects of a credible set in its table
-
-
 def _tabulate_set(chapter: Chapter, verdict: Verdict, group: Group, begin: str) -> None:
     """Add the credible set of one cause, the leading effect first."""
     effects, several = {effect.name: effect for effect in verdict.effects}, len(group.names) > 1
@@ -58,12 +56,12 @@ def _tabulate_set(chapter: Chapter, verdict: Verdict, group: Group, begin: str) 
             "value (90 % interval), place": value_text(effects[name]),
             "same line": None if not several else "" if name == group.names[0] else name in group.members,
         }
-        for name in group.names[:MOST_SHOWN]
+        for name in group.names[:MOST_NAMES]
     ]
     one = f": one of these {len(group.names)} effects" if several else ""
     words = f"{begin}robability {chance_text(group.chance)}{one}."
-    chapter.tabulate(words, filled(rows), [name != group.names[0] for name in group.names[:MOST_SHOWN]])
-    if rest := group.names[MOST_SHOWN:]:
+    chapter.tabulate(words, filled(rows), [name != group.names[0] for name in group.names[:MOST_NAMES]])
+    if rest := group.names[MOST_NAMES:]:
         chapter.say(f"And {', '.join(map(pretty, rest))}, whose shares and values stand below.")
     if several and group.differs_N is not None and group.differs_snr is not None:
         patch = "; one patch serves for all" if group.one_patch else ""

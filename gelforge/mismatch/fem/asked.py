@@ -1,0 +1,135 @@
+"""Derivatives that the solver must give: their variations of the study, and the indentations that show them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gelforge.config import ConfigError, Study
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.sensitivities import Variation
+from gelforge.mismatch.evidence.places import FirstOrderAt
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.images_of_presses import carried, carried_derivative, numbers_at_image
+from gelforge.mismatch.model.solver_effects import FirstOrder
+
+REACH_MM = 7.0  # a defect whose middle is farther is not observable: a ball of 1.3 mm changes Fz by 0.6 %
+ALWAYS_SHOWN = ("base", "law ", "unloading ")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A derivative that the solver must give: to amount `which` of an effect at one of its shapes."""
+
+    effect: Effect
+    shapes: Sequence[Shape]
+    number: int
+    which: int
+    variation: Variation
+
+    @property
+    def shape(self) -> Shape:
+        return self.shapes[self.number]
+
+    @property
+    def key(self) -> str:
+        return self.keys_of(self.number)[self.which]
+
+    def keys_of(self, number: int) -> list[str]:
+        """Return the keys of the effect at one of its shapes, one per value."""
+        values = range(len(self.effect.parameters))
+        return [key_of(self.effect, number if len(self.shape) else None, which) for which in values]
+
+
+def asked_of(
+    solver: Solver, effects: Iterable[Effect], context: Context, at: PlannedCell | None = None
+) -> Iterator[Asked]:
+    """Yield every derivative that the solver must give, with the variation of the coarser study; those felt at a position.
+
+    at: the indentation there; None: everywhere.
+    """
+    coarse, laws = solver.coarse, dict(solver.laws)
+    seen_up = (context.observations.table["phase"] == "unload").any()
+    for effect in effects:
+        if not isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
+            continue
+        if effect.unloading and not seen_up:
+            continue
+        shapes = effect.shapes(context)
+        for number, shape in enumerate(shapes):
+            if at is not None and not reaches(shape, at.x_mm, at.y_mm):
+                continue
+            for which in range(len(effect.parameters)):
+                try:
+                    variation = _variation(solver, coarse, laws, effect, shape, which)
+                except ConfigError:  # this sensor does not have what the effect is about
+                    continue
+                yield Asked(effect, shapes, number, which, variation)
+
+
+def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, which: int) -> Variation:
+    """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError."""
+    assert effect.to_study is not None  # its forces are first order in the solver's derivatives
+    parameter, one = effect.parameters[which], np.eye(len(effect.parameters))[which]
+    amount = 1.0 if effect.switch else effect.step * parameter.width * (parameter.sign or 1)
+    varied = solver.seen(effect.to_study(coarse, shape, tuple(amount * one)))
+    alone = effect.mesh_changes or effect.switch or effect.history or effect.unloading
+    instead = _across(solver, coarse, laws, effect, shape, one) if effect.across else None
+    return Variation(varied, laws, amount, alone, instead=instead)
+
+
+def _across(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, one: np.ndarray) -> Variation:
+    """Return the difference of a move to either side of the base: wide enough that ripples from node to node cancel."""
+    assert effect.to_study is not None and effect.across is not None  # _variation has asked
+    amount = effect.across(coarse)
+    there = solver.seen(effect.to_study(coarse, shape, tuple(amount * one)))
+    back = solver.seen(effect.to_study(coarse, shape, tuple(-amount * one)))
+    return Variation(there, laws, 2 * amount, alone=True, without=back)
+
+
+def key_of(effect: Effect, shape: int | None, parameter: int) -> str:
+    """Return the name of a derivative: effect[.parameter][@shape]."""
+    name = (
+        effect.name if len(effect.parameters) == 1 else f"{effect.name}.{effect.parameters[parameter].name}"
+    )
+    return name if shape is None else f"{name}@{shape}"
+
+
+def felt_by(asked: Sequence[Asked], planned: PlannedCell) -> dict[str, Variation]:
+    """Return the variations that an indentation at a position can show."""
+    return {one.key: one.variation for one in asked if reaches(one.shape, planned.x_mm, planned.y_mm)}
+
+
+def reaches(shape: Shape, x: float, y: float) -> bool:
+    """Return whether an indentation at (x, y) [mm] shows an effect of this shape: one without a place acts everywhere."""
+    if "x_mm" not in shape:
+        return True
+    return bool(np.hypot(float(shape["x_mm"]) - x, float(shape["y_mm"]) - y) <= REACH_MM)
+
+
+def carried_derivatives(
+    image: Mapping[str, np.ndarray], symmetry: str, asked: Sequence[Asked], width_mm: float
+) -> dict[str, np.ndarray]:
+    """Return vectors (D, ..., 3) solved at a mirror image as those here: forces, `law`s and the asked ones that it shows.
+
+    The reason why one could not be had stays a reason.
+    """
+    own = {key: carried(image[key], symmetry) for key in image if key.startswith(ALWAYS_SHOWN)}
+    numbers: dict[str, list[int]] = {}  # of each effect's shapes, at the image
+    for one in asked:
+        name = one.effect.name
+        if name not in numbers:
+            numbers[name] = numbers_at_image(one.shapes, symmetry, width_mm)
+        keys = one.keys_of(numbers[name][one.number])
+        reasons = [image[f"reason {key}"] for key in keys if f"reason {key}" in image]
+        if reasons:
+            own[f"reason {one.key}"] = reasons[0]
+            continue
+        derivative = carried_derivative(image, symmetry, one.effect, keys, one.which)
+        if derivative is not None:
+            own[one.key] = derivative
+    return own
