@@ -1,7 +1,7 @@
 """The discretisation error bar of a verdict's nominal forces: wider than that of a label, and the same share at all depths.
 
 Sideways forces err by their wall and skin, which a mesh of twice the sizes does not show: the default mesh is 3 to 4 % off
-(docs/accuracy.md), and FElupe's forces beside a wall differ by 2 to 11 %, 7 % root mean square from 0.8 mm on
+(docs/accuracy.md), and FElupe's sideways forces differ by up to 12 %, 7 % root mean square from 0.8 mm on
 (python -m validation.checks.between_codes --bases concealed --sizes 0.3 0.6).
 """
 
