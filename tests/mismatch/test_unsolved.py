@@ -56,7 +56,7 @@ def test_of_a_press_that_went_too_deep_the_way_down_to_there_is_kept(solver):
 
 def test_where_only_a_way_up_is_not_solved_the_way_down_stays(solver):
     found = pressed((EDGE, [1.0, 2.0], [0.5]), (EDGE, [1.0], [0.5]))
-    kept = without(solver, found, [Unsolved(14.5, 8.0, "its mesh", "it snaps", way_up_from_mm=2.0)])
+    kept = without(solver, found, [Unsolved(14.5, 8.0, "its mesh", "it snaps", unloading_from_mm=2.0)])
     assert list(kept.table["phase"]) == ["load", "load", "dwell", "load", "dwell", "unload"]
     assert list(kept.table["deepest_mm"]) == [2.0] * 3 + [1.0] * 3
     assert "during unloading from 2 mm on its mesh: it snaps" in kept.cannot_know[0]
