@@ -16,7 +16,6 @@ from .kinds import KINDS, Kind
 from .recording import Instrument, change_of, products
 from .world import World
 
-SEPARABLE = 6.0  # signal-to-noise ratio of the difference, above which an effect should be identified
 DRAWS = 6  # directions, times and places of each other effect
 SMALLEST = 1e-9  # share of the largest eigenvalue, below which directions are the same
 
