@@ -9,8 +9,8 @@ of the width in the middle of the breadth and at the plan's margin from two side
 the largest error of Fz, the largest stated standard deviation, the largest error over its standard deviation, all over
 depths and places, and the median of the CPU seconds.
 
---update writes the table to gelforge/cli/study/mesh_errors.csv, from which `gelforge check` and `gelforge press` say what a
-mesh errs by.
+--update writes the rows of these sensors to gelforge/cli/study/mesh_errors.csv, from which `gelforge check` and
+`gelforge press` say what a mesh errs by.
 """
 
 # ruff: noqa: E402  (threads are set before the libraries start theirs)
@@ -28,7 +28,14 @@ import pandas as pd
 from cell_cost import machine
 
 from gelforge.api.studies import sensor, sensors
-from gelforge.cli.study.mesh_quality import DEPTHS, MEASURED, NUMBERS, reference_mesh, write_mesh_errors
+from gelforge.cli.study.mesh_quality import (
+    DEPTHS,
+    MEASURED,
+    NUMBERS,
+    read_mesh_errors,
+    reference_mesh,
+    write_mesh_errors,
+)
 from gelforge.config import Mesh, Study
 from gelforge.config.parts.mechanics import QUALITIES
 from gelforge.indentation.cells.cell_file import Cell
@@ -123,12 +130,13 @@ def main() -> None:
     parser.add_argument("--sensors", nargs="+", choices=sensors(), default=sensors(), metavar="NAME")
     parser.add_argument("--update", action="store_true")
     options = parser.parse_args()
-    if options.update and options.sensors != sensors():
-        parser.error("--update writes the table of all sensors; leave --sensors out")
     table = [row for name in options.sensors for row in rows(name)]
     print(f"\n{table_of(table)}")
     if options.update:
-        write_mesh_errors(table, machine())
+        others = [
+            row for row in read_mesh_errors().to_dict("records") if row["sensor"] not in options.sensors
+        ]
+        write_mesh_errors(sorted(others + table, key=lambda row: row["sensor"]), machine())
         print(f"written to {MEASURED}")
 
 
