@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGE, DOCS = ROOT / "gelforge", ROOT / "docs"
-GENERATED = ("Written by `python -m", "<!-- Made by render.py", "<!-- Written by")
+GENERATED = ("Written by `python", "<!-- Made by render.py")
 CELL_WORDS, FILE_LINES, ARGUMENTS = 25, 400, 8  # the limits that are counted against
 # A comment states a reason if it names a source, a measurement or a command.
 REASON = re.compile(
