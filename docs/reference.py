@@ -1,14 +1,26 @@
-"""Write the pages of reference that come from the code, configuration.md and commands.md: python docs/reference.py"""
+"""Write the pages of reference that come from the code: python docs/reference.py [verification]
+
+configuration.md, commands.md and columns.md; with `verification` the checks of the finite elements are run too, which takes
+a minute, and results/verification.md is written.
+"""
 
 import argparse
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from gelforge.cli.arguments import parser
 from gelforge.config import schema
 from gelforge.config.sessions.session import Session
+from gelforge.dataset.schema import COLUMNS as SHARD
+from gelforge.dataset.session_labels import PRESS_DATASETS
 from gelforge.files import write_text
+from gelforge.indentation.cells.cell_file import DATASETS as SITE
+from gelforge.live.record import COLUMNS as LIVE
+from gelforge.mismatch.result.verdict_tables import COLUMNS as VERDICT
+from gelforge.recording.features import DATASETS as FEATURES
+from gelforge.verification.run import run_checks
 
 HERE = Path(__file__).parent
 MARK = "Written by `python docs/reference.py` from {}.\n"
@@ -111,8 +123,58 @@ def subcommands(
                 yield from subcommands(command, f"{prefix}{name} ")
 
 
-PAGES = {"configuration.md": configuration, "commands.md": commands}
+def datasets(title: str, described: Mapping[str, tuple[str, str]]) -> str:
+    """Return the datasets of an HDF5 file, (unit, description) by name, as a table."""
+    rows = (f"| `{name}` | {unit} | {cell(words)} |\n" for name, (unit, words) in described.items())
+    return f"\n## {title}\n\n| dataset | unit | content |\n|:--|:--|:--|\n" + "".join(rows)
+
+
+def columns() -> str:
+    """Return the page of the datasets of HDF5 files and the columns of a verdict's tables."""
+    shard = {
+        f"{name} ({', '.join(('N', *column.shape))})": (column.unit, column.description)
+        for name, column in SHARD.items()
+    }
+    live = {name: ("", words) for name, (*_, words) in LIVE.items()}
+    tables = (
+        f"| `{name}` | {', '.join(f'`{column}`' for column in (*known.texts, *known.numbers, *known.optional))} |\n"
+        for name, known in VERDICT.items()
+    )
+    return (
+        "# Datasets and columns\n\n"
+        + MARK.format("the modules that write the files")
+        + "Letters in brackets are the axes. Every dataset has `units` and `description` in its file.\n"
+        + datasets("Sites: `cells/<site>.h5`", SITE)
+        + datasets("Sensors that soften: `sessions/<session>/presses.h5`", PRESS_DATASETS)
+        + datasets("Features: `features/<session>.h5`", FEATURES)
+        + datasets("Shards: `dataset/shard-*.h5`", shard)
+        + datasets("Recordings of `gelforge live`", live)
+        + "\n## Tables of a verdict\n\n| file | columns |\n|:--|:--|\n"
+        + "".join(tables)
+    )
+
+
+def verification() -> str:
+    """Return the page of the checks of the finite elements, after they have run."""
+    rows = (
+        f"| {cell(check.quantity)} | {cell(check.source)} | {check.reference:.6g} | {check.found:.6g} | {check.error:.1e} | "
+        f"{check.limit:.0e} |\n"
+        for check in run_checks()
+    )
+    head = "# Checks of the finite elements\n\n" + MARK.format("`gelforge verify`").replace(
+        "reference.py", "reference.py verification"
+    )
+    return (
+        head
+        + "[Verification](../verification.md) explains them. An error is relative where the reference is not zero.\n\n"
+        + "| quantity | reference | value | found | error | limit |\n|:--|:--|--:|--:|--:|--:|\n"
+        + "".join(rows)
+    )
+
+
+PAGES = {"configuration.md": configuration, "commands.md": commands, "columns.md": columns}
 
 if __name__ == "__main__":
-    for name, page in PAGES.items():
+    pages = PAGES | ({"results/verification.md": verification} if "verification" in sys.argv[1:] else {})
+    for name, page in pages.items():
         write_text(HERE / name, page())
