@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGE, DOCS = ROOT / "gelforge", ROOT / "docs"
-GENERATED = ("Written by `python", "<!-- Made by render.py")
+GENERATED = ("Written by `python", "Printed by `python", "<!-- Made by render.py")
 CELL_WORDS, FILE_LINES, ARGUMENTS = 25, 400, 8  # the limits that are counted against
 # A comment states a reason if it names a source, a measurement or a command.
 REASON = re.compile(
@@ -30,7 +30,7 @@ def pages() -> dict[str, str]:
     found = {"README.md": (ROOT / "README.md").read_text("utf-8")}
     for path in sorted(DOCS.rglob("*.md")):
         text = path.read_text("utf-8")
-        if not any(mark in text[:600] for mark in GENERATED):
+        if not is_generated(text):
             found[str(path.relative_to(ROOT))] = text
     for path in sorted((DOCS / "notebooks").glob("*.py")):
         if path.name != "render.py":
@@ -65,6 +65,14 @@ def words(text: str) -> int:
     return len(text.split())
 
 
+def is_generated(text: str) -> bool:
+    return any(mark in text[:600] for mark in GENERATED)
+
+
+def generated_words() -> int:
+    return sum(words(text) for path in DOCS.rglob("*.md") if is_generated(text := path.read_text("utf-8")))
+
+
 def docs_rows() -> tuple[list[tuple[str, object]], list[str]]:
     """Return the rows of the docs, and one line for each page: words, mean and longest sentence, long cells."""
     found = pages()
@@ -79,11 +87,10 @@ def docs_rows() -> tuple[list[tuple[str, object]], list[str]]:
         lengths += counts
         long_cells += long
         longest = max(longest, (max(counts), name))
-    results = sum(words(text) for name, text in found.items() if name.startswith("docs/results/"))
     every = sum(map(words, found.values()))
     rows = [
         ("docs, hand-written words, notebooks and README included", every),
-        ("  of them in docs/results (tables that a command prints)", results),
+        ("  generated pages, words", generated_words()),
         ("  sentences, mean words", f"{sum(lengths) / len(lengths):.1f}"),
         ("  sentences, longest", f"{longest[0]} ({longest[1]})"),
         ("  sentences over 25 words", sum(length > 25 for length in lengths)),
