@@ -220,7 +220,7 @@ def effects_with_slopes() -> list[str]:
     return sorted(
         name
         for name, effect in CATALOGUE.items()
-        if not (effect.switch or effect.history or effect.mesh_changes or name in OTHER_PATH)
+        if not (effect.binary or effect.history or effect.mesh_changes or name in OTHER_PATH)
     )
 
 

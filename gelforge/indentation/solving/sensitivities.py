@@ -74,7 +74,7 @@ class Derivative:
 
 def derivable(name: str) -> bool:
     """Return whether an effect has a derivative at zero: not one that is on or off."""
-    return not CATALOGUE[name].switch
+    return not CATALOGUE[name].binary
 
 
 def sensitivities(

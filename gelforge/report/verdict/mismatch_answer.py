@@ -221,6 +221,6 @@ def _errors(name: str, before: Score, after: Score | None, axes: list[str]) -> d
 def _gain(block: HeldOut) -> dict:
     return {
         "log score gains": unbroken(f"{block.gain:+.3g} ± {block.standard_error:.2g}"),
-        "penalty": f"{block.paid:.2g}" if block.paid else None,
+        "penalty": f"{block.selection_penalty:.2g}" if block.selection_penalty else None,
         "counts": block.shown,
     }
