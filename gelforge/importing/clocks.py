@@ -89,7 +89,7 @@ def coarse_match(
         )
         raise ImportingError(
             f"{what}: two lags behind the stage's clock fit, {one:.3f} and {other:.3f} s"
-            f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}), as the indentations are alike; set"
+            f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}), as the indentations repeat; set"
             f" {key}.lag_s, or record a rest before the first and after the last indentation in both logs"
         )
     next_best = None if rival is None else (float(lags[rival]), float(correlation[rival]))
