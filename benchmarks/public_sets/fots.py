@@ -82,9 +82,15 @@ def main() -> None:
                     f"{np.sqrt(np.mean((feature - wanted) ** 2)):.2f}",
                 ]
             )
-    counts = [f"{low:g} to {high:g} px ({np.sum((length >= low) & (length < high))})" for low, high in CLASSES]
-    print(f"{first} to {second}: shear under load, {len(places)} markers move by {length.min():.1f} to {length.max():.1f} px")
-    print(f"error [px] rms; whole pixels alone give {WHOLE_PX:.2f} along an axis, {np.sqrt(2) * WHOLE_PX:.2f} in length\n")
+    counts = [
+        f"{low:g} to {high:g} px ({np.sum((length >= low) & (length < high))})" for low, high in CLASSES
+    ]
+    print(
+        f"{first} to {second}: shear under load, {len(places)} markers move by {length.min():.1f} to {length.max():.1f} px"
+    )
+    print(
+        f"error [px] rms; whole pixels alone give {WHOLE_PX:.2f} along an axis, {np.sqrt(2) * WHOLE_PX:.2f} in length\n"
+    )
     show_table(rows, ["flow_preset", "image_scale", "u", "v", *counts, "mean length of 9 regions"])
 
 

@@ -81,7 +81,10 @@ def main() -> None:
         training = sets[:k] + sets[k + 1 :]
         model = chosen(training)
         off = rms(predicted(training, out.markers, model) - out.force)
-        size, constant = rms(out.force), rms(out.force - np.concatenate([s.force for s in training]).mean(axis=0))
+        size, constant = (
+            rms(out.force),
+            rms(out.force - np.concatenate([s.force for s in training]).mean(axis=0)),
+        )
         rows.append(
             [
                 out.name,

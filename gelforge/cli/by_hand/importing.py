@@ -20,11 +20,12 @@ from gelforge.recording.tables.checks import RecordingError
 from gelforge.report.figures.measurements.import_figure import import_figure
 
 
-def import_command(mapping: Path, out: Path, study: Path | None = None) -> None:
+def import_command(mapping: Path, out: Path, study: Path | None = None, data: Path | None = None) -> None:
     """Write the session folder `out` from the logs that a mapping describes; print what was found.
 
     The folder appears when it is whole and its session is accepted; of one that is refused only the page is left, beside it.
-    study: the YAML file of a study that is to read the session (gelforge/cli/study/add_session.py).
+    study: the YAML file of a study that is to read the session (gelforge/cli/study/add_session.py). data: folder of the
+    logs, None: the mapping's.
     """
     name = out.resolve().name
     if not NAME.fullmatch(name):
@@ -33,7 +34,7 @@ def import_command(mapping: Path, out: Path, study: Path | None = None) -> None:
         raise ImportingError(f"--out {out}: exists already; remove it or name another folder")
     if study:
         check_place(load_study(study), study, out)
-    imported = import_logs(mapping, name)
+    imported = import_logs(mapping, name, data)
     for line in lines(imported):
         print(line)
     if study:
