@@ -3,7 +3,7 @@
 usage: python benchmarks/public_sets/fots.py --source FOLDER
 
 A marker GelSight, 320 x 240 px, with the displacement of 99 markers from rest in whole pixels. Flow is searched from one
-image to another and averaged over a disk about each marker. Images that are equal are counted once: the files numbered 2 to 5
+image to another and averaged over a disk about each marker. Images that are equal are counted once: files 2 to 5
 repeat the first two, and there is no image at rest, so that press and twist cannot be tested.
 """
 
@@ -14,13 +14,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from tables import found, parser_of, show_table  # noqa: E402  (it sets threads before the libraries start)
+import numpy as np
+import pandas as pd
+from tables import found, parser_of, show_table
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-
-from gelforge.recording.features import flow_features  # noqa: E402
-from gelforge.recording.imaging.flow import PRESETS, Flow, read_grey, reduced  # noqa: E402
+from gelforge.recording.features import flow_features
+from gelforge.recording.imaging.flow import PRESETS, Flow, read_grey, reduced
 
 REPOSITORY = "Rancho-zhao/FOTS"
 FOLDER = "marker_calib/data"

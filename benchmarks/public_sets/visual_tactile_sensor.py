@@ -15,13 +15,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from tables import found, parser_of, show_table  # noqa: E402  (it sets threads before the libraries start)
+import h5py
+import numpy as np
+from sklearn.base import clone
+from tables import found, parser_of, show_table
 
-import h5py  # noqa: E402
-import numpy as np  # noqa: E402
-from sklearn.base import clone  # noqa: E402
-
-from gelforge.learning.judging.baselines import RIDGE  # noqa: E402
+from gelforge.learning.judging.baselines import RIDGE
 
 REPOSITORY = "zhiqi1234/Visual_tactile_sensor_4.0"
 FOLDER = "force_calibration"  # one sensor; `force_calibration_for0` is another

@@ -9,13 +9,15 @@ from pathlib import Path
 
 from gelforge.cli.study.add_session import add_session, check_place, unjoined
 from gelforge.config import NAME, Sensor, load_study
+from gelforge.config.foreign.named_images import NamesMapping, load_names
 from gelforge.importing.importer import Imported, clock_words, import_logs, write_imported
+from gelforge.importing.named_images import write_named
 from gelforge.importing.public import layout_of
 from gelforge.importing.public.labelled import Options, write_labelled
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.streams import Stream
 from gelforge.indentation.sensor.stage_frame import first_outside, stage_to_sensor
-from gelforge.recording.readings import read_recording
+from gelforge.recording.readings import Recording, read_recording
 from gelforge.recording.tables.checks import RecordingError
 from gelforge.report.figures.measurements.import_figure import import_figure
 
@@ -34,6 +36,9 @@ def import_command(mapping: Path, out: Path, study: Path | None = None, data: Pa
         raise ImportingError(f"--out {out}: exists already; remove it or name another folder")
     if study:
         check_place(load_study(study), study, out)
+    if named := load_names(mapping):
+        _import_named(mapping, named, out, data or mapping.parent, study)
+        return
     imported = import_logs(mapping, name, data)
     for line in lines(imported):
         print(line)
@@ -46,22 +51,44 @@ def import_command(mapping: Path, out: Path, study: Path | None = None, data: Pa
         folder.mkdir()
         write_imported(folder, imported)
         import_figure(imported, folder).savefig(page, dpi=110)
-        try:
-            recording = read_recording(folder)
-        except RecordingError as error:
-            said = str(error).replace(f"{folder}{os.sep}", "").replace(f"{folder}: ", "")
-            raise ImportingError(
-                f"{mapping}: the session is refused ({said}); its keys stand under `session` of the mapping, and"
-                f" {page} shows what was done"
-            ) from None
+        recording = _accepted(mapping, folder, f", and {page} shows what was done")
         os.replace(page, folder / "import.png")
         shutil.move(folder, out)
     for line in recording.findings.lines():
         print(f"finding    {line}")
     print(f"session    {out}: {len(imported.table)} readings, {len(imported.images)} images")
     print(f"page       {out / 'import.png'}: look at it")
+    _added(study, out)
+
+
+def _accepted(mapping: Path, folder: Path, shown: str) -> Recording:
+    """Return the session that was written, as all commands read it. Raises ImportingError where they refuse it."""
+    try:
+        return read_recording(folder)
+    except RecordingError as error:
+        said = str(error).replace(f"{folder}{os.sep}", "").replace(f"{folder}: ", "")
+        raise ImportingError(
+            f"{mapping}: the session is refused ({said}); its keys stand under `session` of the mapping{shown}"
+        ) from None
+
+
+def _import_named(mapping: Path, named: NamesMapping, out: Path, data: Path, study: Path | None) -> None:
+    """Write the session of a folder of images whose names hold the numbers."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
+        folder = Path(temporary) / out.resolve().name
+        folder.mkdir()
+        count = write_named(folder, named, folder.name, data, str(mapping))
+        recording = _accepted(mapping, folder, "")
+        shutil.move(folder, out)
+    print(f"session    {out}: {len(recording.readings)} readings, {count} images")
+    _added(study, out)
+
+
+def _added(study: Path | None, out: Path) -> None:
+    """Let a study read a session, and say what comes next."""
     if study:
-        for line in [*add_session(study, name), *unjoined(study, out)]:
+        for line in [*add_session(study, out.resolve().name), *unjoined(study, out)]:
             print(line)
         print(f"next       gelforge check {study}")
 

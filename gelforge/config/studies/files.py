@@ -26,7 +26,7 @@ MOST_ERRORS = 5  # that a file is said to have
 LARGEST = 1e12  # squares and cubes of what is below stay numbers
 
 
-def _read_yaml(path: Path) -> dict[str, Any]:
+def read_yaml(path: Path) -> dict[str, Any]:
     try:
         content = parsed(read_bytes(path).decode("utf-8-sig"))
     except NotAFile as error:
@@ -131,7 +131,7 @@ def study_from(content: dict[str, Any], source: str = "config") -> Study:
     content = dict(content)
     for key in ("sensor", "indenter"):
         if isinstance(content.get(key), str):
-            content[key] = _read_yaml(Path(content[key]))
+            content[key] = read_yaml(Path(content[key]))
     study = _validated(Study, content, source)
     for name in study.variants:
         variant_study(study, name, source)
@@ -158,12 +158,12 @@ def variant_study(study: Study, name: str, source: str = "config") -> Study:
 
 def load_study(path: str | Path) -> Study:
     """Return the validated study described by a YAML file."""
-    return study_from(_read_yaml(Path(path)), str(path))
+    return study_from(read_yaml(Path(path)), str(path))
 
 
 def load_session(path: str | Path) -> Session:
     """Return the validated session described by a session.yaml; an old key is read with a warning (OldKey)."""
-    content = _read_yaml(Path(path))
+    content = read_yaml(Path(path))
     session = _validated(Session, content, str(path))
     old = old_scatter(content)
     if old:
@@ -176,7 +176,7 @@ def load_camera(path: str | Path, **completed: Any) -> Camera:
 
     completed: keys that the file may lack, such as a pose; what the file says holds.
     """
-    content = _read_yaml(Path(path))
+    content = read_yaml(Path(path))
     nested = isinstance(content.get("camera"), dict)
     if not nested and ("camera" in content or "session" in content):
         raise ConfigError(f"{path}: the session describes no camera; give the YAML of a calibration")
@@ -192,7 +192,7 @@ def load_camera(path: str | Path, **completed: Any) -> Camera:
 
 def load_virtual_lab(path: str | Path) -> VirtualLab:
     """Return the validated virtual lab described by a YAML file."""
-    return _validated(VirtualLab, _read_yaml(Path(path)), str(path))
+    return _validated(VirtualLab, read_yaml(Path(path)), str(path))
 
 
 def section_from(model: type[Section], content: dict[str, Any], source: str) -> Any:
@@ -202,7 +202,7 @@ def section_from(model: type[Section], content: dict[str, Any], source: str) -> 
 
 def load_section(path: str | Path, model: type[Section]) -> Any:
     """Return the validated section of another kind (a mapping of columns, a small test) that a YAML file holds."""
-    return _validated(model, _read_yaml(Path(path)), str(path))
+    return _validated(model, read_yaml(Path(path)), str(path))
 
 
 def write_yaml(path: str | Path, content: Section | dict[str, Any]) -> None:

@@ -323,8 +323,8 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
             )
         if stop < LEAST_ROWS:
             raise TableError(
-                f"{path}, {text}: {stop} rows are left before it, {LEAST_ROWS} at least are needed for a test; leave the test"
-                " out, or confirm it with `corrections: {after_fall: keep}`"
+                f"{path}, {text}: {stop} rows are left before it, {LEAST_ROWS} at least are needed for a test; leave the"
+                " test out, or confirm it with `corrections: {after_fall: keep}`"
             )
         said = [*said, f"corrected: {text}; cut there (after_fall)"]
         time = None if time is None else time[:stop]
