@@ -9,14 +9,11 @@ repeat the first two, and there is no image at rest, so that press and twist can
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 import pandas as pd
-from tables import found, parser_of, show_table
+from shared import found, parser_of, show_table
 
 from gelforge.recording.features import flow_features
 from gelforge.recording.imaging.flow import PRESETS, Flow, read_grey, reduced

@@ -10,17 +10,16 @@ point of all presses. What is not known of the pad is assumed in `config/public_
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 import numpy as np
 import pandas as pd
 import yaml
-from tables import found, parser_of, show_table
+from shared import found, parser_of, show_table
 
 from gelforge.config import load_study
 from gelforge.config.basis.variants import merged
@@ -40,7 +39,9 @@ NAMES = {
 
 def gelforge(*arguments: str | Path) -> None:
     """Run a command of gelforge; what it prints goes to standard error."""
-    done = subprocess.run(["gelforge", *map(str, arguments)], stdout=sys.stderr, check=False)
+    one_thread = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+    command = [sys.executable, "-m", "gelforge", *map(str, arguments)]
+    done = subprocess.run(command, stdout=sys.stderr, env=os.environ | one_thread, check=False)
     if done.returncode:
         raise SystemExit(f"gelforge {arguments[0]}: ended with {done.returncode}")
 
@@ -144,8 +145,12 @@ def tables(out: Path, whole: Path, contacts: pd.DataFrame) -> None:
     show_table(rows, ["places", "phase", "readings", "by", "Fz off [N]", "%", "mean [N]"])
     verdict = json.loads((out / "mismatch" / "verdict.json").read_text())
     print(f"verdict on the other places: {verdict['state']}. {verdict['sentence']}\n")
-    rows = [[", ".join(group["members"]), f"{group['probability']:.2f}"] for group in verdict["answer"]]
-    show_table(rows, ["credible set", "probability"])
+    for group in verdict["answer"]:
+        shares = group["shares"] or {name: group["probability"] for name in group["members"]}
+        words = ", ".join(
+            f"{name} {share:.2f}" for name, share in sorted(shares.items(), key=lambda one: -one[1])
+        )
+        print(f"credible set ({group['set_probability'] or group['probability']:.2f}): {words}")
     if held := verdict["fit"]["held_out"]:
         print(f"held out within them: log score gains {held['gain']:.0f} ± {held['standard_error']:.0f}")
 

@@ -9,16 +9,13 @@ in turn. The set holds no distribution of force: only totals are compared.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 import h5py
 import numpy as np
+from shared import found, parser_of, show_table
 from sklearn.base import clone
-from tables import found, parser_of, show_table
 
 from gelforge.learning.judging.baselines import RIDGE
 

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
-
-for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # before the libraries start theirs
 
 
 def parser_of(doc: str | None, repository: str) -> argparse.ArgumentParser:
