@@ -1,6 +1,6 @@
 """A real pad calibrated by its own presses, predicted at other places and judged: baimukashev/RGB_sensor.
 
-usage: python benchmarks/public_sets/rgb_sensor.py --source FOLDER [--places 8] [--out FOLDER]
+usage: python benchmarks/public_sets/rgb_sensor.py --source FOLDER [--places 6] [--out FOLDER]
 
 Presses of `config/public_sets/rgb_sensor.import.yaml` go through `gelforge import`, half of the places drawn through
 `gelforge calibrate`, the other half through `gelforge mismatch` with the calibrated study. Depth zero is the median contact
@@ -94,7 +94,7 @@ def error_rows(half: str, readings: pd.DataFrame, columns: dict[str, str]) -> li
 
 def main() -> None:
     parser = parser_of(__doc__, REPOSITORY)
-    parser.add_argument("--places", type=int, default=8, help="of each half")
+    parser.add_argument("--places", type=int, default=6, help="of each half")
     parser.add_argument("--out", type=Path, help="folder to keep; a temporary one if not given")
     options = parser.parse_args()
     out = (options.out or Path(tempfile.mkdtemp())).resolve()

@@ -135,7 +135,7 @@ def _above_rest(force_s, push) -> tuple[np.ndarray, float]:
     even = np.interp(grid, force_s, uniform_filter1d(push, size, mode="nearest"))
     rest = even - rise(grid, even)  # below rest this is the signal itself
     smooth = uniform_filter1d(push, size, mode="nearest") - np.interp(force_s, grid, rest)
-    noise = 1.4826 * float(np.median(np.abs(np.diff(push)))) / np.sqrt(2 * size)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(push, n=2)))) / np.sqrt(6 * size)  # ramps leave no second difference
     levels = np.diff(np.unique(push[:20000]))
     step = float(levels.min()) if len(levels) else 0.0
     return smooth, max(
