@@ -135,7 +135,7 @@ def _above_rest(force_s, push) -> tuple[np.ndarray, float]:
     even = np.interp(grid, force_s, uniform_filter1d(push, size, mode="nearest"))
     rest = even - rise(grid, even)  # below rest this is the signal itself
     smooth = uniform_filter1d(push, size, mode="nearest") - np.interp(force_s, grid, rest)
-    noise = 1.4826 * float(np.median(np.abs(np.diff(push, n=2)))) / np.sqrt(6 * size)  # ramps leave no second difference
+    noise = 1.4826 * float(np.median(np.abs(np.diff(push)))) / np.sqrt(2 * size)
     levels = np.diff(np.unique(push[:20000]))
     step = float(levels.min()) if len(levels) else 0.0
     return smooth, max(
@@ -211,8 +211,11 @@ def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s)
     rising = force_s[ramp][travel_at[ramp] >= contact.travel_mm]
     touch_s = float(rising[0]) if len(rising) else guess_s
     waits = tuple(w for w in inside if w.travel_mm > contact.travel_mm)
-    clear = force_s[(force_s >= from_s) & (force_s <= touch_s - CLEAR_S)]
-    clear = clear[np.interp(clear, time, travel) < contact.low_mm - CLEAR_MM]
+    before_touch = force_s[(force_s >= from_s) & (force_s <= touch_s - CLEAR_S)]
+    for level in (contact.low_mm, contact.travel_mm):  # of a noisy force the interval may reach back to the beginning
+        clear = before_touch[np.interp(before_touch, time, travel) < level - CLEAR_MM]
+        if len(clear) and clear[-1] - clear[0] >= LEAST_ZERO_S:
+            break
     if not len(clear) or clear[-1] - clear[0] < LEAST_ZERO_S:
         raise ImportingError(
             f"{at}: no rest of {LEAST_ZERO_S} s before contact in which the force is zero; leave it out with"

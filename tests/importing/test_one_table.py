@@ -14,7 +14,7 @@ from gelforge.recording.readings import read_recording
 PLACES = ((2.0, 30.0), (6.0, 200.0), (4.0, 90.0), (5.0, 310.0))  # radius [mm], angle [deg]
 SPEED, TOP, RATE = 2.0, 3.0, 25.0  # mm/s, mm, rows per second
 CONTACT = 320.0  # mm of the stage, which falls while pressing
-DEPTHS = [0.5, 1.0, 2.0]
+DEPTHS = [1.0, 1.5, 2.0]
 SESSION = {"force": {"acts_on": "sensor", "tared": False}}
 
 
