@@ -1,5 +1,7 @@
 """One table holds stage and force: presses without waits, in polar positions, logged only while they last."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,7 +9,9 @@ import yaml
 
 from gelforge.config import ConfigError
 from gelforge.config.foreign.importing import load_import
-from gelforge.importing.importer import import_logs, write_imported
+from gelforge.importing.contact import Contact
+from gelforge.importing.importer import _depth_zero, import_logs, write_imported
+from gelforge.importing.presses import Presses
 from gelforge.importing.refusals import ImportingError
 from gelforge.recording.readings import read_recording
 
@@ -117,12 +121,16 @@ def test_contact_points_of_a_noisy_force_are_pooled_within_a_stated_distance(tmp
     )
 
 
-def test_the_scatter_of_the_stage_is_not_that_of_the_noise(tmp_path):
-    """Contact points of a noisy force scatter by its noise, which is no error of the depths."""
-    write(tmp_path, noise=0.15)
-    found = import_logs(mapping(tmp_path, contact_within_mm=1.0), "s1")
-    spread = found.contacts["contact_mm"].std()
-    assert spread > 0.05 and found.session.depth_zero.press_scatter_mm < 0.8 * spread
+@pytest.mark.parametrize("stage_mm", [0.0, 0.2])
+def test_the_scatter_of_the_stage_is_not_that_of_the_noise(stage_mm):
+    """Contact points that were found with an error of 0.1 mm scatter by it, which is no error of the depths."""
+    rng = np.random.default_rng(0)
+    travel = rng.normal(0, np.hypot(stage_mm, 0.1), 400)
+    points = [Contact(t, t - 1.96 * 0.1, t + 1.96 * 0.1, 0.0, 1.0, 1.5) for t in travel]
+    presses = Presses(tuple(SimpleNamespace(contact=point) for point in points), (), (), np.zeros(0), 0.0)
+    keys = _depth_zero(SimpleNamespace(depth_zero="session"), presses)
+    assert keys["press_scatter_mm"] == pytest.approx(stage_mm, abs=0.04)
+    assert keys["session_scatter_mm"] == pytest.approx(travel.std() / 20, rel=0.01)
 
 
 @pytest.mark.parametrize(
