@@ -212,7 +212,10 @@ def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s)
     touch_s = float(rising[0]) if len(rising) else guess_s
     waits = tuple(w for w in inside if w.travel_mm > contact.travel_mm)
     before_touch = force_s[(force_s >= from_s) & (force_s <= touch_s - CLEAR_S)]
-    for level in (contact.low_mm, contact.travel_mm):  # of a noisy force the interval may reach back to the beginning
+    for level in (
+        contact.low_mm,
+        contact.travel_mm,
+    ):  # of a noisy force the interval may reach back to the beginning
         clear = before_touch[np.interp(before_touch, time, travel) < level - CLEAR_MM]
         if len(clear) and clear[-1] - clear[0] >= LEAST_ZERO_S:
             break
@@ -260,15 +263,15 @@ def depth_zero_mm(
     k = int(np.abs(found - middle).argmax())
     if abs(found[k] - middle) > within_mm:
         one = np.abs(np.delete(found, k) - middle).max(initial=0.0) <= within_mm
-        half = (presses[k].contact.high_mm - presses[k].contact.low_mm) / 2
+        known = (presses[k].contact.high_mm - presses[k].contact.low_mm) / 2
         raise ImportingError(
             f"contact points lie up to {abs(found[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
             f" {presses[k].top_s:.1f} s), the limit is {within_mm:g} mm: "
             + (
                 f"leave it out with skip: [{presses[k].number}], or set depth_zero: press"
                 if one
-                else f"the force is noisy (this one is known to {half:.2g} mm): set contact_within_mm"
-                if half > within_mm
+                else f"the force is noisy (this one is known to {known:.2g} mm): set contact_within_mm"
+                if known > within_mm
                 else "the surface is curved or tilted, or x, y, z are of another frame: set depth_zero: press, or correct"
                 " stage.z"
             )
