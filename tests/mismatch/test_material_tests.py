@@ -405,5 +405,5 @@ def test_the_command_writes_a_verdict_of_the_schema(tmp_path):
         == 0
     )
     content = json.loads((tmp_path / "verdict.json").read_text())
-    assert content["format"] == "gelforge-verdict-3" and content["state"] == "identified"
+    assert content["format"] == "gelforge-verdict-4" and content["state"] == "identified"
     assert (tmp_path / "material_readings.csv").is_file()

@@ -131,22 +131,6 @@ def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) ->
     return limits
 
 
-def profile(
-    residual: np.ndarray, covariance: Covariance, judged: Screened, parameter: int, amounts: np.ndarray
-) -> np.ndarray:
-    """Return the log posterior (A,), 0 at its largest, over one value, the others free at each, by the linear change."""
-    r = covariance.whiten(residual)
-    J = covariance.whiten(np.column_stack([part.columns for part in judged.parts]))
-    prior_sd = np.concatenate([part.prior_sd for part in judged.parts])
-    rest = np.arange(J.shape[1]) != parameter
-    B = np.eye(rest.sum()) + prior_sd[rest, None] * (J[:, rest].T @ J[:, rest]) * prior_sd[rest]
-    shifted = r[:, None] - J[:, [parameter]] * amounts  # (n, A)
-    b = prior_sd[rest, None] * (J[:, rest].T @ shifted)
-    squares = (shifted**2).sum(axis=0) - np.sum(b * np.linalg.solve(B, b), axis=0)
-    found = -0.5 * (squares + (amounts / prior_sd[parameter]) ** 2)
-    return found - found.max()
-
-
 def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
     """Return the expected log Bayes factor of the right one of two effects after the plan, each right half of the time.
 

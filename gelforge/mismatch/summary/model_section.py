@@ -33,8 +33,8 @@ def model_section(problem: Problem, judgement: Judgement) -> form.Model | None:
         corrects_labels=model.of_place,
         held_out=form.HeldOut(
             block="all",
-            before=form.score(problem.labels, before, mask, model.scores["before"]["score"].sum()),
-            after=form.score(problem.labels, model.left, mask, model.scores["after"]["score"].sum()),
+            before=form.score(problem.labels, before, mask),
+            after=form.score(problem.labels, model.left, mask),
             gain=model.gain.total,
             standard_error=model.gain.standard_error,
         ),
