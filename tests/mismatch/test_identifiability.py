@@ -19,7 +19,8 @@ from gelforge.mismatch.evidence.identifiability import (
     next_experiment,
 )
 from gelforge.mismatch.evidence.screen import Candidate, screened
-from gelforge.mismatch.goodness.scan import dictionary, scan
+from gelforge.mismatch.goodness.patterns import dictionary
+from gelforge.mismatch.goodness.scan import scan, whitened
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +94,7 @@ def test_what_the_limit_promises(world):
     """At the limit the scan sees a change mostly, at half of it hardly: why 4 is the limit."""
     context, covariance, candidates = world
     labels = context.observations.labels()
-    atoms = dictionary(labels, context.observations.flat(context.force)).whitened(covariance)
+    atoms = whitened(dictionary(labels, context.observations.flat(context.force)), covariance)
     column = named(candidates, "late").columns[:, 0]
     change = DETECTED_SNR * column / np.linalg.norm(covariance.whiten(column))
     noise = covariance.draw(np.random.default_rng(4), 200)

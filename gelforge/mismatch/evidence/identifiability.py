@@ -124,10 +124,11 @@ def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) ->
             found.setdefault((candidate.name, k), []).append((amount, candidate))
     limits = []
     for (name, k), shapes in found.items():
-        best, candidate = min(shapes, key=lambda shape: shape[0])
+        widths = [1.0 if one.binary else float(one.prior_sd[k]) for _, one in shapes]
+        share, best = min((amount / width, j) for j, ((amount, _), width) in enumerate(zip(shapes, widths)))
+        amount, candidate = shapes[best]
         worst = max(amount for amount, _ in shapes)
-        width = 1.0 if candidate.binary else float(candidate.prior_sd[k])
-        limits.append(Limit(name, k, candidate.shape, float(best), float(worst), float(best / width)))
+        limits.append(Limit(name, k, candidate.shape, float(amount), float(worst), float(share)))
     return limits
 
 

@@ -96,7 +96,7 @@ def _of_set(judgement: Judgement, effects: frozenset[str]) -> dict[str, Found]:
 
 
 def _effect(problem: Problem, one: Found, chance: float) -> form.NamedEffect:
-    effect, change = problem.effects[one.part.name], one.part.columns @ one.amounts
+    effect, change = problem.effect_of(one.part), one.part.columns @ one.amounts
     return form.NamedEffect(
         name=one.part.name,
         family=effect.family,

@@ -46,17 +46,13 @@ def verdict_of(
             form.Unknown(probability=chance, words=answer.discrepancy_words) if posterior.unknown else None
         )
         adequacy = form.Adequacy(p=left.test.p, scan_p=left.scan.p, remains=left.scan.best.name)
+    asked = {key: getattr(mismatch, key) for key in ("unknown_p", "known_p") if posterior.unknown}
     return form.Verdict(
         title=title,
         synthetic=synthetic,
         state=judgement.state,
         sentence=sentence_of(problem, judgement),
-        mismatch=form.Mismatch(
-            **vars(mismatch.test),
-            scan_p=mismatch.scan.p,
-            unknown_p=mismatch.unknown_p,
-            known_p=mismatch.known_p,
-        ),
+        mismatch=form.Mismatch(**vars(mismatch.test), scan_p=mismatch.scan.p, **asked),
         where=[
             *(_where(mismatch) if mismatch.p < form.ALARM_P else []),
             *(located(judgement.answered, sensor) if groups else []),
@@ -197,7 +193,7 @@ def limits_of(problem: Problem) -> list[form.DetectionLimit]:
     """Return the smallest value of each effect that the readings would show."""
     found = []
     for limit in detection_limits(problem.covariance, problem.physics):
-        parameter = problem.effects[limit.name].parameters[limit.parameter]
+        parameter = problem.effect_of(limit).parameters[limit.parameter]
         found.append(
             form.DetectionLimit(
                 effect=limit.name,
