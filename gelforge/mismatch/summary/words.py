@@ -66,7 +66,7 @@ def _clause(problem: Problem, answer: Answer, group: Group, brief: bool) -> str:
     part, amounts = answer.fit.parts[k], answer.fit.amounts[k]
     if brief:
         return _plain_name(part.name) + (" or another of its line" if len(group.members) > 1 else "")
-    said = with_amount(problem.effect_of(part), part.shape, tuple(amounts))
+    said = with_amount(problem.effects[part.name], part.shape, tuple(amounts))
     if part.binary and "coefficient" not in part.shape:
         said += "".join(f" ({value})" for value in part.shape.values())
     return said + (" or an indistinguishable cause" if len(group.members) > 1 else "")
