@@ -113,7 +113,7 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
     stage(f"{name}: effects, alone and together")
     erring = MaterialProblem.of(readings.with_form_error())
     posterior, fits = posterior_of(erring.readings)
-    mode, answer = next(iter(posterior.ranked()), NOTHING), None
+    mode, answer, physical = next(iter(posterior.ranked()), NOTHING), None, True
     state: v.State = "unexplained"
     if mismatch.p >= v.ALARM_P:
         state = "consistent" if any(limit.seen for limit in limits_of(problem)) else "inconclusive"
@@ -147,7 +147,7 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
         sigma=readings.covariance.standard_deviation,
         held_out=held,
     )
-    return problem, Judgement(state, blocks, mismatch, posterior, answer, None, ()), table
+    return problem, Judgement(state, blocks, mismatch, posterior, answer, None, (), not physical), table
 
 
 def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judged], list[str]]:
