@@ -151,7 +151,7 @@ def _tabulate_noise(chapter: Chapter, stated: Noise) -> None:
     named |= {"mesh": stated.floor_N, "materials' fit": stated.law_N}
     rows = [{"error of": n} | {f"{a}_N": v for a, v in zip("xyz", s)} for n, s in named.items()]
     depth = f"{stated.press_depth_mm:.3g} mm per indentation, {stated.session_depth_mm:.3g} mm of a session's contact point"
-    chapter.tabulate(f"Standard deviations that were allowed for; of the depth {depth}.", pd.DataFrame(rows))
+    chapter.tabulate(f"Standard deviations that were assumed; of the depth {depth}.", pd.DataFrame(rows))
 
 
 CHAPTERS = (answer, where, held_out, limits, origin)
