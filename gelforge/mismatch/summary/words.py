@@ -7,7 +7,6 @@ from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.model.effect_words import with_amount
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.refit import End
 
 MOST_CLAUSES = 2  # of a headline
 MOST_WORDS = 25  # of a headline
@@ -85,7 +84,7 @@ def _why_unexplained(judgement: Judgement) -> str:
     if judgement.model is not None:
         return f"a change of {judgement.model.kernel} predicts held-out readings"
     if judgement.answer is None:
-        return "no effect could be fitted"
+        return "no effect is probable enough, or none could be fitted"
     if judgement.out_of_range:
         return "the best one needs a value that is not physical"
     if judgement.answer.adequacy.p <= form.LEFT_P:
@@ -114,7 +113,7 @@ def _left_over(judgement: Judgement) -> list[str]:
 def _unfinished(answer: Answer | None) -> list[str]:
     """Return which fits were cut short: their values would still change by more than their intervals show."""
     fits = [] if answer is None else [*answer.refits.values(), answer.fit]
-    names = dict.fromkeys(fit.name.replace("_", " ") for fit in fits if fit.end is End.MOVING)
+    names = dict.fromkeys(fit.name.replace("_", " ") for fit in fits if not fit.converged)
     if not names:
         return []
     return [
