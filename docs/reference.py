@@ -137,8 +137,8 @@ def columns() -> str:
     }
     live = {name: ("", words) for name, (*_, words) in LIVE.items()}
     tables = (
-        f"| `{name}` | {', '.join(f'`{column}`' for column in (*known.texts, *known.numbers, *known.optional))} |\n"
-        for name, known in VERDICT.items()
+        f"| `{name}` | {', '.join(f'`{column}`' for column in (*needed, *optional))} |\n"
+        for name, (needed, optional) in VERDICT.items()
     )
     return (
         "# Datasets and columns\n\n"
