@@ -14,7 +14,7 @@ from gelforge.learning.networks import network_of
 WARM_UP = 0.15  # share of the steps in which the step size grows
 LAST_RATE = 1e-3  # of the largest step size, at the end
 WEIGHT_DECAY = 1e-4
-MUON_RATE = 3.0  # step size of Muon, over that of AdamW
+MUON_RATE = 1.5  # step size of Muon, over that of AdamW
 
 
 class Optimiser:
