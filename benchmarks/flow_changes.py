@@ -30,7 +30,7 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.images.flow_fields import Moved, each_moved
 from gelforge.mismatch.images.flow_images import (
-    Seen,
+    FlowObservation,
     away_from_indenter,
     even_points,
     likely_particles,
@@ -75,7 +75,7 @@ def _case(gel: float) -> Case:
 
 def _seen(
     folders: dict[float, Path], study: Study, depth: float, sites: Sequence[PlannedCell]
-) -> dict[float, list[Seen]]:
+) -> dict[float, list[FlowObservation]]:
     """Return by stiffness what is seen at a depth, at sites that have true cells, in their order."""
     found = {}
     for gel, folder in folders.items():
@@ -86,13 +86,15 @@ def _seen(
     return found
 
 
-def _true_motion(seen: Seen, cell: PlannedCell, gel: float, kept: Path, even: np.ndarray) -> np.ndarray:
+def _true_motion(
+    seen: FlowObservation, cell: PlannedCell, gel: float, kept: Path, even: np.ndarray
+) -> np.ndarray:
     arrays = read_cell(kept / f"truth_{gel:g}" / f"{cell.name}.h5").arrays
     moved = Moved(arrays["gel_node_mm"], arrays["gel_hex"], arrays["gel_displacement_mm"], {})
     return _motion(seen, moved, cell, even)
 
 
-def _motion(seen: Seen, moved: Moved, cell: PlannedCell, even: np.ndarray) -> np.ndarray:
+def _motion(seen: FlowObservation, moved: Moved, cell: PlannedCell, even: np.ndarray) -> np.ndarray:
     step = int(np.argmin(np.abs(np.array(cell.depths_mm) - seen.row["depth_mm"])))
     return mean_motion(seen.eye, even, moved.weights(even) @ moved.base[step].astype(float))
 

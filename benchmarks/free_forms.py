@@ -258,7 +258,7 @@ def said(found: Judgement) -> str:
     """Return cause and sure effects of a judgement with their probability, else what is likeliest."""
     parts = []
     if found.model is not None:
-        cause = found.model.module.name if found.model.module is not None else found.model.manner
+        cause = found.model.module.name if found.model.module is not None else found.model.kernel
         parts.append(f"{cause} {found.model.probability:.2f}")
     alone = found.model is not None and not found.model.beside and found.model.sure
     if found.answer is not None and not alone:

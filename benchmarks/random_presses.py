@@ -251,7 +251,7 @@ def effects_of(rng: np.random.Generator, sensor: dict, indenter: dict) -> list[s
 
 def amount_of(rng: np.random.Generator, effect: Effect) -> float:
     """Return an amount of an effect within its plausible width, to either side where both have a meaning."""
-    if effect.switch:
+    if effect.binary:
         return 1.0
     return float(effect.width * rng.uniform(0 if effect.name in ONE_SIDED else -1, 1))
 

@@ -44,8 +44,8 @@ from gelforge.indentation.solving.sensitivities import (
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_of
 from gelforge.mechanics.solving.equilibrium import Press
-from gelforge.mismatch.effects import with_taken
-from gelforge.mismatch.fem.asked import asked_of, felt_by
+from gelforge.mismatch.effects import with_dependencies
+from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.readings.sessions import observe
@@ -61,10 +61,10 @@ def asked(solver: Solver, site: PlannedCell, all_boxes: bool) -> dict[str, Varia
     sites = len(observations.sites)
     curves = Curves((DEPTHS,) * sites, (np.outer(DEPTHS, [0.0, 0.0, -1.0]),) * sites)
     context = Context(solver.study, observations, np.zeros_like(observations.force), curves, {}, {})
-    effects = [*with_taken(effects_of_forces(solver.study).values()), BOX]
+    effects = [*with_dependencies(effects_of_forces(solver.study).values()), BOX]
     every = list(asked_of(solver, effects, context))
     boxes = {one.key: one.variation for one in every if one.effect is BOX} if all_boxes else {}
-    return felt_by(every, site) | boxes
+    return observed_by(every, site) | boxes
 
 
 def followed(study, laws, site: PlannedCell, variations: dict[str, Variation]) -> dict[str, tuple]:

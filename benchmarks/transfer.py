@@ -131,8 +131,8 @@ class Rows:
         row["rows"] = len(said)
         row["wrong totals [%]"], row["marked [%]"] = 100 * wrong.mean(), 100 * marked.mean()
         row["of wrong totals marked [%]"] = 100 * marked[wrong].mean() if wrong.any() else np.nan
-        felt, light = push >= CONTACT_N, touched & (push <= LIGHT_N)
-        row["seen of 20 mN and more [%]"] = 100 * said[felt].any(axis=(1, 2)).mean()
+        observable, light = push >= CONTACT_N, touched & (push <= LIGHT_N)
+        row["seen of 20 mN and more [%]"] = 100 * said[observable].any(axis=(1, 2)).mean()
         row["mean error up to 50 mN [mN]"] = 1e3 * total[light, 2].mean() if light.any() else np.nan
         if model.intervals:
             inside = np.abs(total) <= model.intervals.of_totals(said)

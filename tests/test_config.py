@@ -2,7 +2,6 @@
 
 import json
 import re
-import warnings
 from functools import cache
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 
 from gelforge.config import (
     ConfigError,
-    OldKey,
     load_study,
     load_virtual_lab,
     schema,
@@ -94,25 +92,10 @@ def with_scatter(tmp_path, section, keys):
 
 
 @pytest.mark.parametrize("section", ["mismatch", "force"])
-def test_an_old_key_is_read_as_the_new_one_with_a_warning(tmp_path, section):
-    with pytest.warns(
-        OldKey, match=r"touchdown_mm 0.003 is read as contact_point_scatter_mm; .* write contact_point"
-    ):
-        assert with_scatter(tmp_path, section, {"touchdown_mm": 0.003}) == 0.003
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert with_scatter(tmp_path, section, {"contact_point_scatter_mm": 0.004}) == 0.004
-        default = with_scatter(tmp_path, section, {})
-        assert with_scatter(tmp_path, section, {"touchdown_mm": None}) == default
-
-
-@pytest.mark.parametrize("section", ["mismatch", "force"])
-def test_an_old_key_beside_the_new_one_is_refused(tmp_path, section):
-    both = {"touchdown_mm": 0.003, "contact_point_scatter_mm": 0.004}
-    with pytest.raises(
-        ConfigError, match=rf"{section}.*touchdown_mm 0.003 and contact_point_scatter_mm 0.004.*remove it"
-    ):
-        with_scatter(tmp_path, section, both)
+def test_a_former_key_is_refused_with_the_new_one(tmp_path, section):
+    assert with_scatter(tmp_path, section, {"contact_point_scatter_mm": 0.004}) == 0.004
+    with pytest.raises(ConfigError, match=rf"{section}.*touchdown_mm.*write contact_point_scatter_mm"):
+        with_scatter(tmp_path, section, {"touchdown_mm": 0.003})
 
 
 @pytest.mark.parametrize(

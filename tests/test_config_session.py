@@ -5,9 +5,8 @@ import warnings
 import pytest
 import yaml
 
-from gelforge.cli import one_line
 from gelforge.cli.study.new_study import new_study_files
-from gelforge.config import ConfigError, DepthZero, ForceSensor, OldKey, load_session, write_yaml
+from gelforge.config import ConfigError, ForceSensor, load_session, write_yaml
 
 
 def written(folder, text: str):
@@ -59,32 +58,11 @@ def test_both_errors_of_the_depth_stand_side_by_side(tmp_path):
     assert (zero.session_scatter_mm, zero.press_scatter_mm) == (0.01, 0.004)
 
 
-@pytest.mark.parametrize(
-    ("by", "press", "session"), [("session", 0.0, 0.01), ("press", 0.01, 0.0), (None, 0.0, 0.01)]
-)
-def test_the_old_key_is_read_as_what_it_was_with_a_warning(tmp_path, by, press, session):
-    own = "" if by is None else f"by: {by}, "
-    path = written(tmp_path, f"depth_zero: {{{own}scatter_mm: 0.01}}")
-    with pytest.warns(OldKey, match=f"{by or 'session'}_scatter_mm .by: {by or 'session'}.") as told:
-        zero = load_session(path).depth_zero
-    assert (zero.press_scatter_mm, zero.session_scatter_mm) == (press, session)
-    said = str(told[0].message)
-    assert said.startswith(str(path)) and one_line(said, OldKey, "", 0) == f"gelforge: {said}\n"
-    assert one_line("x", UserWarning, "a.py", 3).startswith("a.py:3: UserWarning: x")
-
-
-def test_an_old_key_without_a_number_says_nothing(tmp_path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert load_session(written(tmp_path, "depth_zero: {scatter_mm: null}")).depth_zero == DepthZero()
-
-
-def test_the_old_key_beside_a_new_one_is_refused(tmp_path):
-    keys = "depth_zero: {scatter_mm: 0.01, press_scatter_mm: 0.004}"
+def test_a_former_key_is_refused_with_the_new_ones(tmp_path):
     with pytest.raises(
-        ConfigError, match="depth_zero.*scatter_mm 0.01 and press_scatter_mm 0.004.*remove it"
+        ConfigError, match="depth_zero.scatter_mm.*write session_scatter_mm or.* press_scatter_mm"
     ):
-        load_session(written(tmp_path, keys))
+        load_session(written(tmp_path, "depth_zero: {scatter_mm: 0.01}"))
 
 
 def test_the_session_of_a_new_study_names_both(tmp_path):

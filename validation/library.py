@@ -55,10 +55,10 @@ class LocalChange:
         """Return the same as `Change.at`, the defect turned by quarter turns about the middle."""
         turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), turns)
         away = np.linalg.norm(xy[:, None] - self.places @ turn.T, axis=2)
-        near, felt = away.argmin(axis=1), away.min(axis=1) < 1.0
+        near, observable = away.argmin(axis=1), away.min(axis=1) < 1.0
         powers = np.vander(depth, self.log_ratio.shape[1], increasing=True)
-        ratio = np.einsum("rp,rp->r", self.log_ratio[near], powers) * felt
-        flat = np.einsum("rpj,rp->rj", self.horizontal[near], powers) * felt[:, None]
+        ratio = np.einsum("rp,rp->r", self.log_ratio[near], powers) * observable
+        flat = np.einsum("rpj,rp->rj", self.horizontal[near], powers) * observable[:, None]
         return ratio, flat @ turn.T
 
 

@@ -56,7 +56,7 @@ class Linear:
         slopes[problem.observations.read] = self.columns
         size = np.abs(problem.base)[..., None]
         share = np.divide(slopes, problem.base[..., None], out=np.zeros_like(slopes), where=size > 0)
-        grows = (np.abs(share) * self.widths).max(axis=-1) < PROPORTIONAL
+        grows = (np.abs(share) * self.prior_sd).max(axis=-1) < PROPORTIONAL
         step = a - self.at
         change = np.where(grows, problem.base * np.expm1(np.where(grows, share @ step, 0.0)), slopes @ step)
         return problem.base + change
@@ -69,14 +69,14 @@ class Linear:
         """
         far = self._screened(self.problem, mask)
         errors = replace(self.problem, change_error=FORM_ERROR)
-        believed = errors.erring(self.problem.candidates, far.amounts - self.at)
+        uncertain = errors.erring(self.problem.candidates, far.amounts - self.at)
         from_means = replace(
-            believed,
+            uncertain,
             change_error=0.0,
             base=self.forces(np.zeros(len(self.at))),
             forces_with=lambda parts, amounts, rows: self.forces(np.concatenate(amounts)),
         )
-        return refitted(from_means, self._screened(believed, mask), mask)
+        return refitted(from_means, self._screened(uncertain, mask), mask)
 
     def _screened(self, problem: Problem, mask: np.ndarray) -> Screened:
         """Return the coordinates by their columns alone."""
@@ -86,9 +86,9 @@ class Linear:
         return judged_by(white[:, 0], problem.candidates, list(white[:, 1:].T[:, :, None]))
 
     @property
-    def widths(self) -> np.ndarray:
+    def prior_sd(self) -> np.ndarray:
         """Return the priors' standard deviations (q,)."""
-        return np.concatenate([part.widths for part in self.problem.candidates])
+        return np.concatenate([part.prior_sd for part in self.problem.candidates])
 
     def moved(self, at: np.ndarray, base: np.ndarray, study: Study) -> Linear:
         """Return the problem about an estimate near by, whose forces (R, 3) are solved and whose columns follow them.
@@ -98,7 +98,7 @@ class Linear:
         """
         problem, step = self.problem, at - self.at
         missing = problem.observations.flat(base - problem.base) - self.columns @ step
-        columns = secant(self.columns, missing, step, self.widths)
+        columns = secant(self.columns, missing, step, self.prior_sd)
         parts = [replace(part, columns=own[:, None]) for part, own in zip(problem.candidates, columns.T)]
         return Linear(at, replace(problem, base=base, candidates=parts), study)
 
@@ -109,7 +109,7 @@ class Linear:
     def cost(self) -> float:
         """Return minus the log posterior of the estimate, but for a constant that the covariance decides."""
         white = self.problem.covariance.whiten(self.problem.residual)
-        return 0.5 * float(white @ white + np.sum((self.at / self.widths) ** 2))
+        return 0.5 * float(white @ white + np.sum((self.at / self.prior_sd) ** 2))
 
     def left(self, a: np.ndarray) -> np.ndarray:
         """Return what is left of the n readings at coordinates (q,)."""
@@ -216,7 +216,7 @@ def _reached(
         there = linear.at + 0.5**k * (a - linear.at)
         study = _study_at(linear.study, free, linear.at, there)
         try:
-            if np.all(np.abs(there - linear.at) < NEAR * linear.widths):
+            if np.all(np.abs(there - linear.at) < NEAR * linear.prior_sd):
                 near = linear.moved(there, _forces(replace(solver, study=study), observations), study)
                 # A step that fits worse has taught the columns, and is not taken.
                 return near if near.cost() <= linear.cost() + ENOUGH else linear.taught_by(near)
@@ -241,13 +241,15 @@ def _about(
     parts = []
     for effect in effects:
         if effect.name in base.failed:
-            raise SolverFailed(f"{effect.name} has no derivative: {base.failed[effect.name]}")
+            raise SolverFailed(
+                f"{effect.name} has no derivative ({base.failed[effect.name]}); leave it out of --free"
+            )
         parts.append(
             Candidate(
                 effect.name,
                 {},
                 columns_of(base.context, effect, {}),
-                effect.widths,
+                effect.prior_sd,
                 np.zeros(1),
                 form_error=FORM_ERROR,
             )

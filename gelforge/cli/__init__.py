@@ -9,7 +9,6 @@ import os
 import signal
 import sys
 import threading
-import warnings
 from importlib import import_module
 from pathlib import Path
 
@@ -24,7 +23,6 @@ def main(argv: list[str] | None = None) -> int:
     arguments = vars(commands.parse_args(argv))
     debug, (module, _, function) = arguments.pop("debug"), arguments.pop("run").rpartition(".")
     keep_compiled_kernels()
-    warnings.formatwarning = one_line
     open_without_locks()
     stop_in_order()
     show()
@@ -71,12 +69,6 @@ def main(argv: list[str] | None = None) -> int:
 
 # of the dynamic linker, where a library of PyTorch or OpenCV finds no memory
 NOT_MAPPED = ("failed to map segment", "annot allocate memory")
-
-
-def one_line(message, category, filename, lineno, line=None, usual=warnings.formatwarning) -> str:
-    """Return a warning of ours as one line, another one as Python writes it."""
-    ours = category.__module__.startswith("gelforge.")
-    return f"gelforge: {message}\n" if ours else usual(message, category, filename, lineno, line)
 
 
 LATER_S = 0.02  # until a signal that came at a bad moment comes again

@@ -95,7 +95,7 @@ def test_nothing_gives_the_plain_forces_bit_for_bit(name):
 
 
 @pytest.mark.thorough(but_first=1)  # the sign of each is seen below
-@pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if not e.switch])
+@pytest.mark.parametrize("name", [n for n, e in CATALOGUE.items() if not e.binary])
 def test_a_little_is_linear(name):
     """1 % and 2 % of a plausible width: the second change is twice the first within 5 %, so nothing jumps at zero."""
     width = CATALOGUE[name].width

@@ -26,8 +26,8 @@ def test_untouched_images_are_zero_and_light_touches_are_not():
     predicted, true, untouched = rows(600, 2)
     found = zero.applied(predicted)
     assert (found[untouched] == 0).mean() > 0.995
-    felt = -true[..., 2].sum(axis=1) >= 0.02
-    assert (np.abs(found[felt]).max(axis=(1, 2)) > 0).mean() > 0.99
+    observable = -true[..., 2].sum(axis=1) >= 0.02
+    assert (np.abs(found[observable]).max(axis=(1, 2)) > 0).mean() > 0.99
 
 
 def test_the_centre_of_pressure_is_nearer_than_without_a_threshold():
@@ -49,9 +49,9 @@ def test_a_light_touch_stays_however_much_the_others_smear():
     predicted += 0.02 * np.abs(true).max(axis=(1, 2), keepdims=True) * [0, 0, -1]
     zero = find_zero(predicted, true, untouched, GRID)
     seen = np.abs(zero.applied(predicted)).max(axis=(1, 2)) > 0
-    felt = np.linalg.norm(predicted, axis=-1).max(axis=1) >= zero.contact_N
+    observable = np.linalg.norm(predicted, axis=-1).max(axis=1) >= zero.contact_N
     assert light.sum() > 30
-    assert (seen == felt).all()
+    assert (seen == observable).all()
 
 
 @pytest.mark.parametrize("untouched", [True, False])

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import poisson
 
-from gelforge.mismatch.evidence.alternatives import NOTHING, NULL_PRIOR, UNKNOWN, WORTH, log_prior
+from gelforge.mismatch.evidence.alternatives import NOTHING, NULL_PRIOR, TEMPERING, UNKNOWN, log_prior
 from gelforge.mismatch.inference.posterior import Posterior
 
 
@@ -32,7 +32,7 @@ def test_one_effect_that_stands_for_two_is_not_sure_where_pairs_do_as_well():
     assert posterior(evidence).holding([names[0]]) > 0.999
     pairs = {frozenset(pair): 63.0 for pair in combinations(names[1:], 2)}
     both = posterior(evidence | pairs)
-    odds = len(pairs) * np.exp(WORTH * 3.0 + log_prior(2, 40) - log_prior(1, 40))
+    odds = len(pairs) * np.exp(TEMPERING * 3.0 + log_prior(2, 40) - log_prior(1, 40))
     assert_allclose(both.holding([names[0]]), 1 / (1 + odds), rtol=1e-6)
     assert_allclose(sum(both.probability.values()), 1)
     # each of the others is in 7 of the 28 pairs; two of them in 13
@@ -43,10 +43,10 @@ def test_one_effect_that_stands_for_two_is_not_sure_where_pairs_do_as_well():
 def test_a_part_of_the_evidence_counts_of_the_unknown_too():
     one, other, strange = frozenset(["tilt"]), frozenset(["yaw"]), frozenset([UNKNOWN])
     found = posterior({one: 12.0, other: 7.0, strange: 11.0}).probability
-    assert_allclose(found[one] / found[other], np.exp(5.0 * WORTH))
-    assert_allclose(found[one] / found[strange], np.exp(WORTH))
+    assert_allclose(found[one] / found[other], np.exp(5.0 * TEMPERING))
+    assert_allclose(found[one] / found[strange], np.exp(TEMPERING))
     assert_allclose(
-        found[strange] / found[NOTHING], np.exp(WORTH * 11.0 + log_prior(1, 40) - log_prior(0, 40))
+        found[strange] / found[NOTHING], np.exp(TEMPERING * 11.0 + log_prior(1, 40) - log_prior(0, 40))
     )
 
 

@@ -113,13 +113,17 @@ def test_a_hidden_box_is_where_the_map_says():
     columns = 0.5 * rng.normal(size=(n, 8)) * np.abs(problem.residual).std()
     columns[:, 7] *= 1e-9  # one that no reading feels
     sign = np.array([0])
-    felt = [Candidate("box_modulus", p, columns[:, [k]], BOX.widths, sign) for k, p in enumerate(places)]
+    observable = [
+        Candidate("box_modulus", p, columns[:, [k]], BOX.prior_sd, sign) for k, p in enumerate(places)
+    ]
     observations = problem.observations
     hidden = np.zeros(observations.force.shape)
     hidden[observations.read] = 0.4 * columns[:, 3].reshape(-1)[: hidden[observations.read].size].reshape(
         hidden[observations.read].shape
     )
-    there = replace(problem, observations=replace(observations, force=problem.base + hidden), boxes=felt)
+    there = replace(
+        problem, observations=replace(observations, force=problem.base + hidden), boxes=observable
+    )
     table = body_map(there)
     assert table["change"].abs().idxmax() == 3
     assert abs(table["change"][3] - 0.4) < 2 * table["sigma"][3]

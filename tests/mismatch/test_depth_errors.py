@@ -114,14 +114,12 @@ def test_without_new_keys_the_covariance_is_that_of_one_field_bit_for_bit(by):
     [
         ({}, None, 0.0, np.nan),
         ({"by": "press"}, None, np.nan, 0.0),
-        ({"scatter_mm": 0.01}, None, 0.0, 0.01),
-        ({"by": "press", "scatter_mm": 0.01}, None, 0.01, 0.0),
         ({"session_scatter_mm": 0.01}, None, np.nan, 0.01),
         ({"session_scatter_mm": 0.01, "press_scatter_mm": 0.003}, None, 0.003, 0.01),
         ({"by": "press", "session_scatter_mm": 0.01, "press_scatter_mm": 0.003}, None, 0.003, 0.01),
         ({"press_scatter_mm": 0.003}, None, 0.003, np.nan),
         ({}, 0.005, 0.0, 0.005),
-        ({"by": "press", "scatter_mm": 0.01}, 0.005, 0.005, 0.0),
+        ({"by": "press", "press_scatter_mm": 0.01, "session_scatter_mm": 0.0}, 0.005, 0.005, 0.0),
         ({"session_scatter_mm": 0.01, "press_scatter_mm": 0.003}, 0.005, 0.003, 0.005),
     ],
 )

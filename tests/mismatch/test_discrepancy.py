@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from gelforge.mismatch.inference.discrepancy import FARTHEST_MM, _Beside, modelled
 from gelforge.mismatch.inference.judge import _beside_cause
 from gelforge.mismatch.terms.holdout import split
-from gelforge.mismatch.terms.unknown import manners_of
+from gelforge.mismatch.terms.unknown import kernels_of
 
 SEED = 23
 
@@ -31,13 +31,13 @@ def bends(context, size=0.06):
 
 
 def found_in(problem):
-    return modelled(problem, manners_of(problem), split(problem.labels, SEED))
+    return modelled(problem, kernels_of(problem), split(problem.labels, SEED))
 
 
 def test_a_smooth_change_is_learnt_and_predicts_what_was_held_out(base):
     problem, share = bends(base)
     model = found_in(problem)
-    assert model.gain.clear and "depth" in model.manner
+    assert model.gain.clear and "depth" in model.kernel
     z = problem.labels["axis"].to_numpy() == 2
     true = problem.observations.flat(np.column_stack([0 * share, 0 * share, share * problem.base[:, 2]]))
     held = z & split(problem.labels, SEED).held["positions"]

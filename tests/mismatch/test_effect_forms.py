@@ -293,7 +293,7 @@ def test_a_little_of_the_camera_is_linear(name):
     for k in range(len(effect.parameters)):
         seen = [
             project(
-                effect.to_camera(STUDY, PINHOLE, share * np.eye(len(effect.parameters))[k] * effect.widths),
+                effect.to_camera(STUDY, PINHOLE, share * np.eye(len(effect.parameters))[k] * effect.prior_sd),
                 points,
             )[0]
             for share in (0.0, 0.01, 0.02)

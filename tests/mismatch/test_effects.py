@@ -39,10 +39,10 @@ STUDY = CONTEXT.study
 
 def amounts_of(effect, share=1.0):
     """Return amounts of a share of the widths, of the physical sign, all different."""
-    if effect.switch:
+    if effect.binary:
         return np.array([1.0])
     signs = np.array([p.sign or 1 for p in effect.parameters])
-    return share * effect.widths * signs * np.linspace(1.0, 0.5, len(signs))
+    return share * effect.prior_sd * signs * np.linspace(1.0, 0.5, len(signs))
 
 
 def change(name, amounts, shape=0, context=CONTEXT):
@@ -70,7 +70,7 @@ def test_everything_is_said(name):
     for p in effect.parameters:
         assert p.unit and p.width > 0 and re.search(r"bounds|on or off", p.source)
         assert p.bounds[0] < p.bounds[1] and p.bounds[0] <= 0
-        assert p.sign == 0 or effect.switch or p.bounds[0] == 0  # of one sign: none is the bound
+        assert p.sign == 0 or effect.binary or p.bounds[0] == 0  # of one sign: none is the bound
 
 
 class Watched(dict):
@@ -93,7 +93,7 @@ def test_what_an_effect_takes_is_told(name):
     for shape in effect.shapes(context):
         effect.to_forces(context, shape, context.force, amounts_of(effect))
     others = {key.split(".")[0].split("@")[0] for key in watched.read} - {name}
-    assert others <= set(effect.takes)
+    assert others <= set(effect.depends_on)
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -135,7 +135,7 @@ def test_an_effect_enters_by_its_file(tmp_path, monkeypatch):
 def test_nothing_leaves_the_forces_bit_for_bit(name):
     effect = CATALOGUE[name]
     for shape in effect.shapes(CONTEXT):
-        same = effect.to_forces(CONTEXT, shape, CONTEXT.force, 0 * effect.widths)
+        same = effect.to_forces(CONTEXT, shape, CONTEXT.force, 0 * effect.prior_sd)
         assert np.array_equal(same, CONTEXT.force)
 
 
@@ -143,7 +143,7 @@ def test_nothing_leaves_the_forces_bit_for_bit(name):
 def test_nothing_leaves_the_study_as_it_is(name):
     effect = CATALOGUE[name]
     for shape in effect.shapes(CONTEXT):
-        same = effect.to_study(STUDY, shape, 0 * effect.widths)
+        same = effect.to_study(STUDY, shape, 0 * effect.prior_sd)
         if (
             effect.mesh_changes
         ):  # the plain study on the effect's own mesh, as the mechanics' own battery checks
@@ -152,7 +152,7 @@ def test_nothing_leaves_the_study_as_it_is(name):
             assert same is STUDY
 
 
-@pytest.mark.parametrize("name", [n for n in FORCES if not CATALOGUE[n].switch])
+@pytest.mark.parametrize("name", [n for n in FORCES if not CATALOGUE[n].binary])
 def test_a_little_is_linear_and_seen(name):
     effect = CATALOGUE[name]
     for k in range(len(effect.parameters)):
@@ -167,8 +167,8 @@ def test_a_little_is_linear_and_seen(name):
 def test_the_study_gets_what_the_catalogue_of_the_mechanics_gives(name):
     """On a plain study, one parameter, a place: the keys are those that the mechanics' battery has solved with."""
     effect, known = CATALOGUE[name], KNOWN[name]
-    one = np.eye(len(effect.parameters))[0] * amounts_of(effect, 0.1 if not effect.switch else 1)
-    if effect.switch:
+    one = np.eye(len(effect.parameters))[0] * amounts_of(effect, 0.1 if not effect.binary else 1)
+    if effect.binary:
         one = np.array([1.0])
     shape = effect.shapes(CONTEXT)[0]
     changed = effect.to_study(STUDY, shape, one)
@@ -229,7 +229,7 @@ def test_the_patch_of_a_tilt_touches_the_plan_only_where_symmetry_was_asked_for(
     study_from(merged(study.model_dump(mode="json"), patch))  # and can be read
 
 
-@pytest.mark.parametrize("name", [n for n in STUDIES if not CATALOGUE[n].switch])
+@pytest.mark.parametrize("name", [n for n in STUDIES if not CATALOGUE[n].binary])
 def test_bounds_are_those_of_the_configuration(name):
     """Just inside its bounds every amount is a study that can be read, so a refit may go anywhere; and on what is whole."""
     effect = CATALOGUE[name]

@@ -46,7 +46,7 @@ EFFECTS = CATALOGUE | {
 NAMES = [
     name
     for name, effect in EFFECTS.items()
-    if effect.to_study and effect.to_forces and not (effect.switch or effect.history or effect.unloading)
+    if effect.to_study and effect.to_forces and not (effect.binary or effect.history or effect.unloading)
 ]
 CASES = [(name, k) for name in NAMES for k in range(len(EFFECTS[name].parameters))]
 

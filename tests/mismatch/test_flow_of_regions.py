@@ -11,7 +11,7 @@ from gelforge.config import Camera, VirtualImaging
 from gelforge.mismatch.images.flow_covariance import neighbours, scatter_of
 from gelforge.mismatch.images.flow_images import (
     REGIONS,
-    Eye,
+    CameraView,
     mean_motion,
     mean_motion_slope,
     pinhole,
@@ -29,7 +29,7 @@ def test_mean_motion_of_a_shifted_gel_is_the_shift():
     flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
     points = np.random.default_rng(0).uniform([0, 0, -4], [16, 16, 0], (400, 3))
     for crop in (None, (40, 30, 300, 200)):
-        eye = Eye(flat, crop, VirtualImaging())
+        eye = CameraView(flat, crop, VirtualImaging())
         motion = mean_motion(eye, points, np.tile([0.1, -0.2, 0.0], (len(points), 1)))
         expected = project(flat, [0.1, -0.2, 0.0])[0] - project(flat, [0.0, 0.0, 0.0])[0]
         # rays are parallel within 1e-3
@@ -43,7 +43,9 @@ def test_mean_motion_of_a_growing_picture_grows_from_its_middle():
     grid = np.stack(np.meshgrid(*[np.linspace(-6, 22, 281)] * 2), axis=-1).reshape(-1, 2)
     points = np.column_stack([grid, np.full(len(grid), -1.0)])
     for crop in (None, (40, 30, 300, 200)):
-        motion = mean_motion(Eye(flat, crop, VirtualImaging()), points, 0.01 * (points - middle) * [1, 1, 0])
+        motion = mean_motion(
+            CameraView(flat, crop, VirtualImaging()), points, 0.01 * (points - middle) * [1, 1, 0]
+        )
         left, top, width, height = crop or (0, 0, 400, 400)
         u, v = (
             (np.arange(REGIONS) + 0.5) * n / REGIONS + first - 200
@@ -57,7 +59,7 @@ def test_mean_motion_of_a_growing_picture_grows_from_its_middle():
 def test_slope_of_the_mean_motion_is_that_of_a_difference():
     """Of nodes whose weights are drawn, about a displaced state: a difference of half a per cent of the motion."""
     rng = np.random.default_rng(3)
-    eye = Eye(Camera(**flow_channel.CAMERA), (40, 30, 300, 200), VirtualImaging())
+    eye = CameraView(Camera(**flow_channel.CAMERA), (40, 30, 300, 200), VirtualImaging())
     points = rng.uniform([0, 0, -4], [16, 16, 0], (300, 3))
     weights = csr_array(rng.uniform(0, 0.2, (300, 12)))
     nodes, step = 0.3 * rng.standard_normal((12, 3)), 1e-3 * rng.standard_normal((12, 3))
@@ -134,6 +136,8 @@ def test_a_flat_scale_is_a_pinhole_far_away():
 
 def test_middles_of_regions_are_those_of_the_image_as_taken():
     camera = Camera(**flow_channel.CAMERA)
-    whole, cut = (region_middles(Eye(camera, crop, VirtualImaging())) for crop in (None, (40, 30, 320, 240)))
+    whole, cut = (
+        region_middles(CameraView(camera, crop, VirtualImaging())) for crop in (None, (40, 30, 320, 240))
+    )
     assert_allclose([whole[0], whole[1], whole[REGIONS]], [[24.5, 24.5], [74.5, 24.5], [24.5, 74.5]])
     assert_allclose([cut[0], cut[-1]], [[40 + 19.5, 30 + 14.5], [40 + 320 - 20.5, 30 + 240 - 15.5]])

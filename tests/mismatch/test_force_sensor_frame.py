@@ -14,7 +14,7 @@ from gelforge.config import Session
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.fem.asked import asked_of, felt_by
+from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.solutions import Solver, follow
 from gelforge.mismatch.model.context import Context
 
@@ -44,7 +44,7 @@ def solved(friction, effect, x, y):
 def derivatives(folder, friction, turns_with):
     own = solver(folder, friction, turns_with)
     asked = list(asked_of(own, [CATALOGUE[name] for name in DIRECTED], Context.before_readings(own.study)))
-    return follow((own, PRESSED, felt_by(asked, PRESSED)))
+    return follow((own, PRESSED, observed_by(asked, PRESSED)))
 
 
 def to_stage(about):

@@ -22,7 +22,7 @@ def friction_changes(context):
     law = context.observations.flat(context.derivative("friction_law"))
     own = friction_terms.TERM
     return [
-        Candidate(own.name, shape, (1.0 + k) * law[:, None] ** (1 + 2 * k), own.widths, np.zeros(1, int))
+        Candidate(own.name, shape, (1.0 + k) * law[:, None] ** (1 + 2 * k), own.prior_sd, np.zeros(1, int))
         for k, shape in enumerate(own.shapes(context))
     ]
 
@@ -35,7 +35,7 @@ def test_a_study_has_the_friction_that_makes_the_map():
     terms = study.mechanics.effects.contact.pressure_terms
     assert [term.exponent for term in terms] == pytest.approx(friction_terms.WIDTH * amounts[1:])
     assert [term.reference_pressure_MPa for term in terms] == pytest.approx([1e-3, 1e-2, 1e-1])
-    (excess,) = artificial.CATALOGUE["friction"].widths
+    (excess,) = artificial.CATALOGUE["friction"].prior_sd
     assert study.mechanics.friction == pytest.approx(before.friction + 0.3 * excess)
     # the map is the coefficient's own change, where it is small
     small = 1e-4 * amounts
@@ -63,7 +63,7 @@ def test_a_map_of_friction_is_about_the_study_s_own():
     context = replace(artificial.context(3, per_side=3), study=specimens.study(**falls))
     own = next(one for one in modules_of(context, friction_changes(context)) if one.name == "friction")
     p = own.map["pressure_MPa"].to_numpy()
-    (excess,) = artificial.CATALOGUE["friction"].widths
+    (excess,) = artificial.CATALOGUE["friction"].prior_sd
     assert own.basis[:, 0] == pytest.approx(excess * (1 + p / 0.01) ** -0.5)
 
 
@@ -99,7 +99,9 @@ def test_openings_on_the_map_are_those_of_the_readings():
     up = next(i for i in rows if table["phase"][i] == "unload" and z[i] < 0.9 * z[rows].max())
     at = (labels["reading"] == up).to_numpy() & (labels["axis"] == 2).to_numpy()
     peak, left = z[rows].max() / z.max(), z[up] / z[rows].max()
-    here = _of_map(np.array([peak]), np.array([left]), artificial.CATALOGUE["force_hysteresis"].widths[0])[0]
+    here = _of_map(np.array([peak]), np.array([left]), artificial.CATALOGUE["force_hysteresis"].prior_sd[0])[
+        0
+    ]
     q = len(here)
     directions = own.directions[at][0, 2 * q :] / (np.sign(base.force[up, 2]) * z.max())
     # bands lag behind during loading too, where openings are none: of these the map has the whole width

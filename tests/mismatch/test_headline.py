@@ -19,7 +19,7 @@ SHAPES |= {"force_frame": {"axes": max(READ, key=len)}, "frictionless": {"coeffi
 
 def answer_of(*names, like=("tilt",), alternatives=()):
     """Return an answer whose effects have a line and alternatives each."""
-    parts = [SimpleNamespace(name=n, shape=SHAPES.get(n, {}), switch=CATALOGUE[n].switch) for n in names]
+    parts = [SimpleNamespace(name=n, shape=SHAPES.get(n, {}), binary=CATALOGUE[n].binary) for n in names]
     groups = [
         SimpleNamespace(
             members=(name, *like),
@@ -65,7 +65,7 @@ def test_free_forms_and_discrepancies_fit_into_it():
     assert {"gain_in_time", "softening"} <= {module.name for module in modules}  # those of most words
     for module, beside in product(modules, (False, True)):
         model = SimpleNamespace(
-            sure=True, module=module, probability=0.97, beside=beside, manner=module.words
+            sure=True, module=module, probability=0.97, beside=beside, kernel=module.words
         )
         for said in (
             headline("identified", answer_of("delamination"), model),

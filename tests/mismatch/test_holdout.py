@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 from test_screen import make
 
 from gelforge.mismatch.evidence.screen import screened
-from gelforge.mismatch.terms.holdout import Blocks, gain, paid_for_choice, predictive_scores, split
+from gelforge.mismatch.terms.holdout import Blocks, gain, predictive_scores, selection_penalty_of, split
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_scores_are_those_of_dense_matrices(world):
     t = blocks.train
     W = covariance.whiten(np.eye(len(r)))
     C = np.linalg.inv(W.T @ W)
-    prior = np.diag(drift.widths**2)
+    prior = np.diag(drift.prior_sd**2)
     K = C + drift.columns @ prior @ drift.columns.T
     wanted = multivariate_normal.logpdf(r, cov=K) - multivariate_normal.logpdf(r[t], cov=K[np.ix_(t, t)])
     J, inverse = drift.columns[t], np.linalg.inv(C[np.ix_(t, t)])
@@ -181,10 +181,12 @@ def test_no_training_is_an_error(world):
 
 def test_a_choice_costs_the_more_the_less_the_training_readings_had_chosen():
     trained = np.zeros(4)
-    assert paid_for_choice(trained, np.array([5.0, -40.0, -40.0, -40.0])) == pytest.approx(-np.log(4))
-    assert paid_for_choice(np.array([0.0, -9.0]), np.array([5.0, -20.0])) == pytest.approx(
+    assert selection_penalty_of(trained, np.array([5.0, -40.0, -40.0, -40.0])) == pytest.approx(-np.log(4))
+    assert selection_penalty_of(np.array([0.0, -9.0]), np.array([5.0, -20.0])) == pytest.approx(
         -np.log1p(np.exp(-9))
     )
-    assert paid_for_choice(np.array([-9.0, 0.0]), np.array([5.0, -20.0])) < -8.9
-    assert paid_for_choice(trained, np.full(4, 5.0)) == pytest.approx(0.0, abs=1e-12)  # all predict alike
-    assert paid_for_choice(np.array([3.0]), np.array([7.0])) == 0.0
+    assert selection_penalty_of(np.array([-9.0, 0.0]), np.array([5.0, -20.0])) < -8.9
+    assert selection_penalty_of(trained, np.full(4, 5.0)) == pytest.approx(
+        0.0, abs=1e-12
+    )  # all predict alike
+    assert selection_penalty_of(np.array([3.0]), np.array([7.0])) == 0.0

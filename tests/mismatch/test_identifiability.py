@@ -81,8 +81,8 @@ def test_the_limit_has_the_stated_snr(world):
         for k in range(candidate.columns.shape[1]):
             change = limits[candidate.name, k].amount * candidate.columns[:, k]
             assert np.linalg.norm(covariance.whiten(change)) == pytest.approx(DETECTED_SNR)
-            assert limits[candidate.name, k].widths == pytest.approx(
-                limits[candidate.name, k].amount / candidate.widths[k]
+            assert limits[candidate.name, k].prior_sd == pytest.approx(
+                limits[candidate.name, k].amount / candidate.prior_sd[k]
             )
     place = limits["inclusion", 0]
     assert place.amount < place.worst_amount and place.shape in [dict(c.shape) for c in candidates]

@@ -24,7 +24,7 @@ from gelforge.mismatch.images.flow import COARSER, with_flow
 from gelforge.mismatch.images.flow_fields import each_moved
 from gelforge.mismatch.images.flow_images import (
     REGIONS,
-    Eye,
+    CameraView,
     even_points,
     likely_particles,
     seen_flows,
@@ -263,7 +263,7 @@ def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):
     assert_allclose(size[n:], SEEN_ERROR * np.abs(change[n:]), rtol=1e-9)
     assert_allclose(size[:n], part.form_error * np.abs(change[:n]), rtol=1e-9)
     assert not (errors[:n].any(axis=0) & errors[n:].any(axis=0)).any()
-    wider = joint.believing([part], np.array([0.3])).covariance
+    wider = joint.with_model_error([part], np.array([0.3])).covariance
     assert_allclose(
         wider.variance - joint.covariance.variance,
         np.where(np.arange(len(change)) < n, 0, SCATTERED * change) ** 2,
@@ -304,7 +304,7 @@ def test_even_points_fill_the_gel(study):
 
 def test_regions_without_particles_are_left_out(study):
     camera = Camera(**(flow_channel.CAMERA | {"focal_px": 240.0}))  # the gel fills the middle only
-    shown = shows_gel(Eye(camera, None, VirtualImaging()), likely_particles(study.sensor, 1)).reshape(
+    shown = shows_gel(CameraView(camera, None, VirtualImaging()), likely_particles(study.sensor, 1)).reshape(
         REGIONS, -1
     )
     assert shown[2:6, 2:6].all() and not shown[[0, -1]].any() and not shown[:, [0, -1]].any()

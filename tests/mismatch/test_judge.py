@@ -203,12 +203,12 @@ def test_a_change_errs_by_its_share_at_every_reading(name, share):
         added(problem, part, amounts), (share * part.columns @ amounts) ** 2, rtol=1e-9, atol=1e-15
     )
     none = replace(problem, change_error=0.0)
-    assert none.believing([part], amounts) is none
+    assert none.with_model_error([part], amounts) is none
 
 
 def added(problem, part, amounts):
     """Return the variance (n,) that errors of a change add."""
-    wider = problem.believing([part], amounts).covariance
+    wider = problem.with_model_error([part], amounts).covariance
     return wider.standard_deviation**2 - problem.covariance.standard_deviation**2
 
 
@@ -236,7 +236,7 @@ def test_a_change_goes_through_what_was_solved():
     part = next(c for c in problem.candidates if c.name == "tilt")
     amounts = np.array([2.0, -1.0])
     solved = 1.3 * part.columns @ amounts
-    through = secant(part.columns, solved - part.columns @ amounts, amounts, part.widths)
+    through = secant(part.columns, solved - part.columns @ amounts, amounts, part.prior_sd)
     assert_allclose(through @ amounts, solved, atol=1e-12)
     across = np.array([1.0, 2.0])  # equal widths
     assert_allclose(through @ across, part.columns @ across, atol=1e-12)

@@ -19,9 +19,9 @@ def candidates(rng, signs=(0, 1, -1)):
     for k, columns in enumerate((1, 2, 1, 3)):
         values = rng.normal(size=(N, columns))
         sign = np.array([signs[(k + i) % len(signs)] for i in range(columns)])
-        widths = rng.uniform(0.2, 2.0, columns)
-        found.append(Candidate(f"effect {k}", {}, values, widths, sign))
-    return [*found, Candidate("switch", {}, rng.normal(size=(N, 1)), np.ones(1), np.zeros(1), switch=True)]
+        prior_sd = rng.uniform(0.2, 2.0, columns)
+        found.append(Candidate(f"effect {k}", {}, values, prior_sd, sign))
+    return [*found, Candidate("binary", {}, rng.normal(size=(N, 1)), np.ones(1), np.zeros(1), binary=True)]
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
@@ -32,11 +32,11 @@ def test_many_sets_at_once_are_as_likely_as_each_by_itself(size):
     residual = rng.normal(size=N) + tried[1].columns @ [0.4, -0.3]
     linear = Linear.of(residual, covariance, tried)
     sets = np.array([*combinations(range(len(tried)), size)])
-    scales = np.where(linear.switch[sets], 1.0, 0.3)
+    scales = np.where(linear.binary[sets], 1.0, 0.3)
     found = linear.log_bayes_factors(sets, scales)
     for own, scale, value in zip(sets, scales, found):
         parts = [
-            Candidate(c.name, c.shape, c.columns, c.widths * (1.0 if c.switch else s), c.signs, c.switch)
+            Candidate(c.name, c.shape, c.columns, c.prior_sd * (1.0 if c.binary else s), c.signs, c.binary)
             for c, s in zip((tried[k] for k in own), scale)
         ]
         white = [covariance.whiten(part.columns) for part in parts]
@@ -46,13 +46,13 @@ def test_many_sets_at_once_are_as_likely_as_each_by_itself(size):
 
 def test_without_signs_the_evidence_is_that_of_a_normal_model():
     rng = np.random.default_rng(5)
-    J, widths, r = rng.normal(size=(N, 3)), np.array([0.5, 1.0, 2.0]), rng.normal(size=N)
-    Z = J * widths
+    J, prior_sd, r = rng.normal(size=(N, 3)), np.array([0.5, 1.0, 2.0]), rng.normal(size=N)
+    Z = J * prior_sd
     exact = multivariate_normal(np.zeros(N), np.eye(N) + Z @ Z.T).logpdf(r)
     exact -= multivariate_normal(np.zeros(N), np.eye(N)).logpdf(r)
     found = evidences((Z.T @ r)[None], (Z.T @ Z)[None], np.zeros((1, 3)))[0]
     assert found[0] == pytest.approx(exact, rel=1e-9)
-    assert evidence(r, J, widths, np.zeros(3))[0] == pytest.approx(exact, rel=1e-9)
+    assert evidence(r, J, prior_sd, np.zeros(3))[0] == pytest.approx(exact, rel=1e-9)
 
 
 def test_an_amount_of_the_wrong_sign_loses_by_its_share_of_the_half_line():

@@ -100,5 +100,5 @@ def test_nothing_modelled_has_no_section_and_no_correction(modelled):
     problem, found = modelled
     assert model_section(problem, replace(found, model=None)) is None
     assert correction_table(problem, None) is None
-    in_time = replace(found.model, manner="the pressing force over the session's time")
+    in_time = replace(found.model, kernel="the pressing force over the session's time")
     assert correction_table(problem, in_time) is None

@@ -54,7 +54,7 @@ def candidates(context):
     shapes, changes = box_changes(context)
     flat = context.observations.flat
     return [
-        Candidate(BOX.name, shape, flat(changes[:, :, k])[:, None], BOX.widths, np.zeros(1, int))
+        Candidate(BOX.name, shape, flat(changes[:, :, k])[:, None], BOX.prior_sd, np.zeros(1, int))
         for k, shape in enumerate(shapes)
     ]
 
@@ -206,7 +206,7 @@ def test_the_patched_study_has_the_map_of_the_modulus():
     context = replace(artificial.context(3, per_side=3), study=study)
     shapes = boxes(study)
     flat = np.ones((len(context.observations.flat(context.force)), 1))
-    changes = [Candidate(BOX.name, s, flat, BOX.widths, np.zeros(1, int)) for s in shapes]
+    changes = [Candidate(BOX.name, s, flat, BOX.prior_sd, np.zeros(1, int)) for s in shapes]
     own = next(one for one in modules_of(context, changes) if one.name == "modulus_map")
     change = np.linspace(-0.2, 0.2, len(shapes))
     keys = patch_of(study, {}, None, own, own.map.assign(mean=change))
@@ -260,7 +260,7 @@ def terms(context):
     """Return the changes by the terms of the energy, as the solver would give them."""
     flat = context.observations.flat(context.force)
     return [
-        Candidate(TERM.name, shape, (k + 1.0) * flat[:, None], TERM.widths, np.zeros(1, int))
+        Candidate(TERM.name, shape, (k + 1.0) * flat[:, None], TERM.prior_sd, np.zeros(1, int))
         for k, shape in enumerate(TERM.shapes(context))
     ]
 
@@ -271,11 +271,11 @@ def test_a_study_has_the_terms_of_the_energy_that_make_the_map():
     amounts = np.array([0.4, -0.2, 0.1, 0.3])
     study = own.to_study(own.to_study(context.study, own.basis @ amounts), own.basis @ amounts)
     correction = study.mechanics.effects.material.energy_correction
-    expected = 2 * TERM.widths[0] * amounts  # twice over
+    expected = 2 * TERM.prior_sd[0] * amounts  # twice over
     assert [correction["gel"].c2, correction["gel"].c3] == pytest.approx(expected[:2])
     assert [correction["skin"].c2, correction["skin"].c3] == pytest.approx(expected[2:])
     gel = (own.map["quantity"] == "gel's dW/dI1").to_numpy() & (own.map["I1_less_3"] == 0.5).to_numpy()
-    assert (own.basis @ amounts)[gel] == pytest.approx(TERM.widths[0] * (0.4 * 2 * 0.5 - 0.2 * 3 * 0.25))
+    assert (own.basis @ amounts)[gel] == pytest.approx(TERM.prior_sd[0] * (0.4 * 2 * 0.5 - 0.2 * 3 * 0.25))
 
 
 def test_a_study_has_the_branches_of_a_spectrum():
@@ -367,7 +367,7 @@ def test_an_effect_of_the_catalogue_stays_preferred():
 
 def test_chances_of_manners_add_up_to_that_of_something_unknown(modulus):
     posterior = modulus[1].posterior
-    assert sum(posterior.manners.values()) == pytest.approx(posterior.holding([UNKNOWN]), abs=1e-9)
+    assert sum(posterior.kernels.values()) == pytest.approx(posterior.holding([UNKNOWN]), abs=1e-9)
 
 
 def test_the_cause_that_the_page_shows_is_a_whole_one():

@@ -9,7 +9,7 @@ from artificial_problem import problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence import places
-from gelforge.mismatch.evidence.screen import FORM_ERRORS, White, believing, judged_by, screened
+from gelforge.mismatch.evidence.screen import FORM_ERRORS, White, judged_by, screened, with_model_error
 from gelforge.mismatch.terms.problem import PLACE_ERROR
 from gelforge.mismatch.terms.refit import refitted
 from gelforge.mismatch.terms.weighing import unmasked, weighed, whole, with_form_errors
@@ -214,10 +214,10 @@ def test_evidence_is_averaged_over_errors_of_form():
     each = []
     for error in FORM_ERRORS:
         part = replace(alone.parts[0], form_error=error)
-        wider = problem.believing([part], alone.amounts).covariance
+        wider = problem.with_model_error([part], alone.amounts).covariance
         own = replace(alone, parts=(part,))
         without, within = (White.under(C, problem.residual, (part,)) for C in (problem.covariance, wider))
-        each.append(believing(own, without, within).log_bayes_factor)
+        each.append(with_model_error(own, without, within).log_bayes_factor)
     assert each[2] > each[0] + 1.0
     found = with_form_errors(problem, alone, every)
     assert found.parts[0].form_error == FORM_ERRORS[int(np.argmax(each))]

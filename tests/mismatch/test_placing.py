@@ -38,15 +38,15 @@ def the_void(problem):
 
 def test_a_strong_defect_is_put_where_it_is(hidden):
     problem, there, spacing = hidden
-    seated, failure = placed(problem, problem)
-    found = the_void(seated)
+    relinearised, failure = placed(problem, problem)
+    found = the_void(relinearised)
     assert not failure and away(found.shape, there) < 0.1 * spacing < away(found.tried, there)
     assert (
-        seated.error_of(found) in FORM_ERRORS
+        relinearised.error_of(found) in FORM_ERRORS
         and PLACE_ERROR not in FORM_ERRORS
-        and len(seated.candidates) == len(problem.candidates)
+        and len(relinearised.candidates) == len(problem.candidates)
     )
-    changed = [one for one, other in zip(seated.candidates, problem.candidates) if one is not other]
+    changed = [one for one, other in zip(relinearised.candidates, problem.candidates) if one is not other]
     assert changed == [found]
     true = problem.observations.flat(
         problem.forces_with([found], [np.array([1.0])], np.ones(len(problem.base), bool))

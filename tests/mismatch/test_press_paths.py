@@ -13,9 +13,15 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem import solver as fem
-from gelforge.mismatch.fem.asked import REACH_MM, asked_of, felt_by
+from gelforge.mismatch.fem.asked import REACH_MM, asked_of, observed_by
 from gelforge.mismatch.fem.solutions import Solver, follow, unloading_key, way_down
-from gelforge.mismatch.fem.solver import _by_what_is_felt, _loading_curves, _ways_down, base_of, forces_with
+from gelforge.mismatch.fem.solver import (
+    _by_observable_parts,
+    _loading_curves,
+    _ways_down,
+    base_of,
+    forces_with,
+)
 from gelforge.mismatch.model.solver_effects import FAR_OUT, LARGEST_MOVE
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.readings.runs import runs_of, timed_runs_of
@@ -97,7 +103,7 @@ def test_curves_over_the_way_down_have_the_value_of_each_depth():
 
 def test_presses_alike_in_time_are_solved_once_unless_the_sensor_remembers():
     found = observations()
-    once, each = (timed_runs_of(found, 0.25, in_order) for in_order in (False, True))
+    once, each = (timed_runs_of(found, 0.25, path_dependent) for path_dependent in (False, True))
     assert len(once.trajectories) == 4 and len(each.trajectories) == 5  # p0 and p4 are alike
     for runs in (once, each):
         for row, run, step in zip(found.table.itertuples(), runs.run, runs.step):
@@ -120,16 +126,17 @@ def test_what_has_a_place_is_solved_only_where_it_is_felt():
     }  # of site 1 alone
     void = (CATALOGUE["void"], near, np.array([0.5]))
     groups = {
-        tuple(e.name for e, *_ in felt): rows for felt, rows in _by_what_is_felt(found, [stiffer, void])
+        tuple(e.name for e, *_ in observable): rows
+        for observable, rows in _by_observable_parts(found, [stiffer, void])
     }
     assert set(groups) == {("gel_stiffness",), ("gel_stiffness", "void")}
     np.testing.assert_array_equal(groups["gel_stiffness", "void"], site == 1)
-    ((felt, rows),) = _by_what_is_felt(found, [void])
+    ((observable, rows),) = _by_observable_parts(found, [void])
     np.testing.assert_array_equal(rows, site == 1)
     softening = (CATALOGUE["mullins"], {"m_kPa": 0.5}, np.array([0.2]))
-    ((felt, rows),) = _by_what_is_felt(found, [softening, void])
+    ((observable, rows),) = _by_observable_parts(found, [softening, void])
     assert (
-        rows.all() and len(felt) == 2
+        rows.all() and len(observable) == 2
     )  # each press finds what those before it have left, wherever they were
 
 
@@ -225,7 +232,7 @@ def test_a_site_is_differentiated_once_whatever_its_presses_go_to(kept, monkeypa
     base = base_of(solver, found, [stiffness])
     assert sorted(task[1].depths_mm for task in tasks) == [(0.25, 1.0, 2.0), (0.5, 0.75, 1.5, 2.0)]
     (number,) = (k for k, run in enumerate(runs.planned) if run.phases and max(run.depths_mm) == 1.0)
-    variations = felt_by(list(asked_of(solver, [stiffness], base.context)), runs.planned[number])
+    variations = observed_by(list(asked_of(solver, [stiffness], base.context)), runs.planned[number])
     alone = follow((solver, way_down(runs.planned[number]), variations))
     own = runs.run == number
     expected = base.finer[own] * alone["gel_stiffness"][[0]]  # it is read at 0.25 mm, during unloading

@@ -11,20 +11,20 @@ from gelforge.mismatch.evidence.screen import (
     SCALES,
     Candidate,
     White,
-    believing,
     evidence,
     judged_by,
     screened,
+    with_model_error,
 )
 
 RNG = np.random.default_rng
 AS_STATED = (1.0,)  # scales of plausible amounts: drawn as the priors say
 
 
-def by_grid(r, J, widths, signs):
+def by_grid(r, J, prior_sd, signs):
     """Return log Bayes factor, mean and covariance by a sum over a grid of amounts around the mode, and half lines."""
     p = J.shape[1]
-    A = J.T @ J + np.diag(1 / widths**2)
+    A = J.T @ J + np.diag(1 / prior_sd**2)
     mode, sd = np.linalg.solve(A, J.T @ r), np.sqrt(np.diag(np.linalg.inv(A)))
     axes = []
     for k in range(p):
@@ -37,9 +37,11 @@ def by_grid(r, J, widths, signs):
         axes.append(lo + step * (np.arange(1500) + 0.5))
     a = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, p)
     log_p = (
-        a @ (J.T @ r) - 0.5 * np.einsum("ai,ij,aj->a", a, J.T @ J, a) - 0.5 * ((a / widths) ** 2).sum(axis=1)
+        a @ (J.T @ r)
+        - 0.5 * np.einsum("ai,ij,aj->a", a, J.T @ J, a)
+        - 0.5 * ((a / prior_sd) ** 2).sum(axis=1)
     )
-    log_p -= np.log(widths * np.sqrt(2 * np.pi)).sum() - np.log(2) * np.count_nonzero(signs)
+    log_p -= np.log(prior_sd * np.sqrt(2 * np.pi)).sum() - np.log(2) * np.count_nonzero(signs)
     cell = np.prod([axis[1] - axis[0] for axis in axes])
     top = log_p.max()
     w = np.exp(log_p - top)
@@ -97,10 +99,10 @@ def make(context, sign=0):
     slope = context.observations.flat(context.slope())
     time = (labels["time_s"] / labels["time_s"].max()).to_numpy()
 
-    def candidate(name, columns, widths, signs=None, switch=False, shape=None):
+    def candidate(name, columns, prior_sd, signs=None, binary=False, shape=None):
         columns = np.column_stack(columns)
         signs = np.zeros(columns.shape[1], int) if signs is None else np.array(signs)
-        return Candidate(name, shape or {}, columns, np.array(widths), signs, switch)
+        return Candidate(name, shape or {}, columns, np.array(prior_sd), signs, binary)
 
     bumps = [
         candidate(
@@ -120,7 +122,7 @@ def make(context, sign=0):
         candidate("force_drift", [time * (axis == k) for k in range(3)], [0.03] * 3),
         candidate("late", [base * (time > 0.5)], [0.1], [sign]),
         *bumps,
-        candidate("hardening", [0.3 * base * (labels["depth_mm"] > 0.6).to_numpy()], [1.0], switch=True),
+        candidate("hardening", [0.3 * base * (labels["depth_mm"] > 0.6).to_numpy()], [1.0], binary=True),
     ]
 
 
@@ -132,9 +134,9 @@ def world():
 
 def drawn(rng, covariance, candidate):
     """Return a residual with amounts of the candidate from its prior, and the amounts."""
-    amounts = candidate.widths * rng.normal(size=len(candidate.widths))
+    amounts = candidate.prior_sd * rng.normal(size=len(candidate.prior_sd))
     amounts = np.where(candidate.signs != 0, candidate.signs * np.abs(amounts), amounts)
-    amounts = np.ones(1) if candidate.switch else amounts
+    amounts = np.ones(1) if candidate.binary else amounts
     return candidate.columns @ amounts + covariance.draw(rng, 1)[:, 0], amounts
 
 
@@ -196,10 +198,10 @@ def test_shapes_are_averaged_and_the_best_is_kept(world):
 
 def test_a_switch_is_one_or_absent(world):
     covariance, candidates = world
-    switch = candidates[-1]
-    d = switch.columns[:, 0]
+    binary = candidates[-1]
+    d = binary.columns[:, 0]
     r = d + covariance.draw(RNG(8), 1)[:, 0]
-    judged = screened(r, covariance, [switch], scales=AS_STATED)[0]
+    judged = screened(r, covariance, [binary], scales=AS_STATED)[0]
     assert judged.log_bayes_factor == pytest.approx(covariance.log_density(r - d) - covariance.log_density(r))
     assert judged.amounts == [1] and judged.covariance == [[0]]
     assert judged.snr == judged.plausible_snr == pytest.approx(np.linalg.norm(covariance.whiten(d)))
@@ -223,7 +225,7 @@ def test_the_wrong_sign_names_nothing(world):
     covariance, candidates = world
     spring = next(c for c in candidates if c.name == "frame_compliance")
     r = -0.3 * spring.columns[:, 0] + covariance.draw(RNG(11), 1)[:, 0]
-    free = Candidate("free", {}, spring.columns, spring.widths, np.zeros(1, int))
+    free = Candidate("free", {}, spring.columns, spring.prior_sd, np.zeros(1, int))
     found = {judged.name: judged for judged in screened(r, covariance, [spring, free])}
     assert found["free"].log_bayes_factor > 5 and found["free"].amounts[0] < 0
     assert found["frame_compliance"].log_bayes_factor < 0 and found["frame_compliance"].amounts[0] >= 0
@@ -246,7 +248,7 @@ def test_two_effects_at_once(world):
     joint = evidence(
         covariance.whiten(r),
         covariance.whiten(np.column_stack([drift.columns, late.columns])),
-        np.concatenate([drift.widths, late.widths]),
+        np.concatenate([drift.prior_sd, late.prior_sd]),
         np.concatenate([drift.signs, late.signs]),
     )
     assert pair.log_bayes_factor == pytest.approx(joint[0])
@@ -292,8 +294,8 @@ def test_a_change_that_errs_itself_is_judged_with_its_error(world):
     r = drift.columns @ [0.04, 0.0, -0.05] + covariance.draw(RNG(17), 1)[:, 0]
     judged = screened(r, covariance, [drift], scales=AS_STATED)[0]
     wider = covariance.extended(0.2 * judged.change[:, None])
-    again = believing(judged, *(White.under(C, r, judged.parts) for C in (covariance, wider)))
-    wanted = wider.extended(drift.columns * drift.widths).log_density(r) - covariance.log_density(r)
+    again = with_model_error(judged, *(White.under(C, r, judged.parts) for C in (covariance, wider)))
+    wanted = wider.extended(drift.columns * drift.prior_sd).log_density(r) - covariance.log_density(r)
     assert again.log_bayes_factor == pytest.approx(wanted)
     assert np.all(np.diag(again.covariance) >= np.diag(judged.covariance))
     assert again.snr == pytest.approx(np.linalg.norm(covariance.whiten(again.change)))
@@ -302,14 +304,16 @@ def test_a_change_that_errs_itself_is_judged_with_its_error(world):
 def test_a_switch_and_an_amount_together(world):
     """The amount is fitted to what the switch leaves: ln N(r; d, C + J W^2 J') - ln N(r; 0, C)."""
     covariance, candidates = world
-    switch, drift = candidates[-1], candidates[4]
-    d = switch.columns[:, 0]
+    binary, drift = candidates[-1], candidates[4]
+    d = binary.columns[:, 0]
     r = d + drift.columns @ [0.04, 0.0, -0.05] + covariance.draw(RNG(15), 1)[:, 0]
-    wanted = covariance.extended(drift.columns * drift.widths).log_density(r - d) - covariance.log_density(r)
-    for first, second in ((switch, drift), (drift, switch)):
+    wanted = covariance.extended(drift.columns * drift.prior_sd).log_density(r - d) - covariance.log_density(
+        r
+    )
+    for first, second in ((binary, drift), (drift, binary)):
         judged = together(r, covariance, first, second)
         assert judged.log_bayes_factor == pytest.approx(wanted)
-        on = judged.amounts[0 if first is switch else 3]
+        on = judged.amounts[0 if first is binary else 3]
         assert on == 1
         assert_allclose(judged.change, sum(p.columns @ a for p, a in zip(judged.parts, _split(judged))))
 

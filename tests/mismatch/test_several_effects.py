@@ -13,7 +13,7 @@ from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.inference.fits import fitted
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.posterior import posterior_of
-from gelforge.mismatch.terms.unknown import manners_of
+from gelforge.mismatch.terms.unknown import kernels_of
 
 
 def patterned(patterns, change, truth):
@@ -31,9 +31,9 @@ def patterned(patterns, change, truth):
     Q, R = np.linalg.qr(covariance.whiten(draws))
     basis = 100 * draws @ np.linalg.inv(R)
     assert_allclose(covariance.whiten(basis), 100 * Q, atol=1e-6)
-    widths = {name: np.array([0.2]) for name in patterns}
+    prior_sd = {name: np.array([0.2]) for name in patterns}
     candidates = [
-        Candidate(name, {}, basis @ np.array(pattern)[:, None], widths[name], np.zeros(1, int))
+        Candidate(name, {}, basis @ np.array(pattern)[:, None], prior_sd[name], np.zeros(1, int))
         for name, pattern in patterns.items()
     ]
     solved = []
@@ -112,10 +112,10 @@ def test_the_largest_effect_is_fitted_alone_first():
         return along + np.array([0, 0.5, 0.5]) * amounts.get("gel_stiffness", 0.0) ** 2
 
     problem, solved = patterned(patterns, curved, curved({"gel_stiffness": 0.6}))
-    manners = manners_of(problem)
-    posterior = posterior_of(problem, manners)
+    kernels = kernels_of(problem)
+    posterior = posterior_of(problem, kernels)
     (first, *_) = posterior.ranked()
     assert first == {"gel_stiffness", "friction"}
-    found = fitted(problem, posterior, lambda again: posterior_of(again, manners))
+    found = fitted(problem, posterior, lambda again: posterior_of(again, kernels))
     assert set(solved[0]) == {"gel_stiffness"}
     assert found.mode == {"gel_stiffness"}

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.fem import solutions
-from gelforge.mismatch.fem.asked import asked_of, felt_by
+from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
 from gelforge.mismatch.fem.solutions import Solver, follow
 from gelforge.mismatch.fem.stored import shortened
@@ -48,7 +48,7 @@ def task(solver, x, y, depths):
     effects = [one for one in effects_of_forces(solver.study).values() if one.name in TRIED]
     asked = list(asked_of(solver, effects, Context.before_readings(solver.study)))
     planned = PlannedCell("", x, y, depths)
-    return solver, planned, felt_by(asked, planned)
+    return solver, planned, observed_by(asked, planned)
 
 
 def nothing_is_solved(*_):

@@ -8,7 +8,7 @@ import specimens
 
 from gelforge.config import study_from
 from gelforge.config.basis.variants import merged
-from gelforge.mismatch.effects import CATALOGUE, with_taken
+from gelforge.mismatch.effects import CATALOGUE, with_dependencies
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.identifiability import ALIKE
 from gelforge.mismatch.fem.solutions import Solver
@@ -51,7 +51,7 @@ def base(tmp_path_factory):
     planned = replace(planned, press_depth_mm=depths[0], session_depth_mm=depths[1])
     held = planned.chosen((planned.table["phase"] == "dwell").to_numpy())
     solver = Solver(study, specimens.STUDY_LAWS, {}, tmp_path_factory.mktemp("traps"))
-    found = base_of(solver, held, with_taken(CATALOGUE[name] for name in NAMES))
+    found = base_of(solver, held, with_dependencies(CATALOGUE[name] for name in NAMES))
     assert not found.failed
     return found
 
@@ -83,7 +83,7 @@ def test_what_bends_the_curve_is_alike(base):
     assert np.abs(found).min() > ALIKE
 
 
-def in_order(base, presses, axes):
+def path_dependent(base, presses, axes):
     """Return the base of presses (their numbers, in order) evenly over DAYS, with the axes that are read."""
     seen, count = base.context.observations, len(presses)
     age = DAYS * np.linspace(-0.5, 0.5, count)
@@ -102,7 +102,7 @@ def in_order(base, presses, axes):
 
 
 def ageing_against_gradient(base, presses, axes):
-    return cosines_of(in_order(base, presses, axes), "ageing", "thickness_gradient")[0, 1]
+    return cosines_of(path_dependent(base, presses, axes), "ageing", "thickness_gradient")[0, 1]
 
 
 def orders(base, draws=20):

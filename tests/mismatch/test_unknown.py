@@ -10,7 +10,7 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.summary.words import sentence_of
-from gelforge.mismatch.terms.unknown import PLAUSIBLE, manners_of, modes, weighed_unknown
+from gelforge.mismatch.terms.unknown import PLAUSIBLE, kernels_of, modes, weighed_unknown
 from gelforge.mismatch.terms.weighing import weighed
 
 
@@ -43,13 +43,13 @@ def test_each_manner_adds_the_product_of_its_directions():
     problem = problem_of(artificial.context(3, per_side=3))
     rows = np.random.default_rng(1).permutation(len(problem.labels))[:150]
     mask = np.isin(np.arange(len(problem.labels)), rows)
-    for manner in manners_of(problem):
-        wider = manner.beside(problem.covariance, 0.3).restricted(mask)
-        plain, U = problem.covariance.restricted(mask), 0.3 * manner.directions[mask]
+    for kernel in kernels_of(problem):
+        wider = kernel.beside(problem.covariance, 0.3).restricted(mask)
+        plain, U = problem.covariance.restricted(mask), 0.3 * kernel.directions[mask]
         eye = np.eye(mask.sum())
         added = U @ U.T
-        if manner.each is not None:
-            added *= manner.each[mask][:, None] == manner.each[mask]
+        if kernel.each is not None:
+            added *= kernel.each[mask][:, None] == kernel.each[mask]
         inverse = wider.whiten(eye).T @ wider.whiten(eye)
         dense = np.linalg.inv(plain.whiten(eye).T @ plain.whiten(eye)) + added
         assert_allclose(dense @ inverse, eye, atol=1e-5)
@@ -63,7 +63,7 @@ def test_a_manner_is_as_large_as_is_plausible():
     F = problem.observations.flat(problem.base)
     sizes = {
         m.words: np.sqrt((m.directions[z] ** 2).sum() / (F[z] ** 2).sum())
-        for m in manners_of(problem)
+        for m in kernels_of(problem)
         if "pressing" in m.words
     }
     assert {words.split(" ", 3)[3] for words in sizes} == {
@@ -77,7 +77,7 @@ def test_a_manner_is_as_large_as_is_plausible():
 def test_of_nulls_nothing_unknown_is_likely():
     """Evidence against the true model exceeds e^3 in at most e^-3 of recordings, whatever the other (Markov): 1.5 of 30."""
     found = [problem_of(artificial.context(seed, per_side=3)) for seed in range(30)]
-    factors = [weighed_unknown(problem, manners_of(problem)).log_bayes_factor for problem in found]
+    factors = [weighed_unknown(problem, kernels_of(problem)).log_bayes_factor for problem in found]
     assert np.median(factors) < -1
     assert np.sum(np.array(factors) > 3.0) <= 5  # more in one of 200 such runs
 
@@ -94,21 +94,21 @@ def test_of_nulls_nothing_unknown_is_likely():
 )
 def test_an_effect_that_is_right_is_likelier_than_something_unknown_and_leaves_it_nothing(name, amounts):
     problem = problem_with(name, amounts)
-    manners, every = manners_of(problem), np.ones(len(problem.labels), bool)
+    kernels, every = kernels_of(problem), np.ones(len(problem.labels), bool)
     right = next(one for one in weighed(problem, every, problem.candidates) if one.name == name)
-    assert weighed_unknown(problem, manners).log_bayes_factor < right.log_bayes_factor - 2
+    assert weighed_unknown(problem, kernels).log_bayes_factor < right.log_bayes_factor - 2
     left = problem.residual - right.change
     # causes that these readings hardly show neither gain nor lose, and are among those that are averaged
-    assert weighed_unknown(problem, manners, right.parts, right.amounts, left).log_bayes_factor < -0.5
+    assert weighed_unknown(problem, kernels, right.parts, right.amounts, left).log_bayes_factor < -0.5
 
 
 def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown():
     problem = problem_with("misregistration", [0.8, 0.3], left_out=LOCATED | {"misregistration"})
-    manners, every = manners_of(problem), np.ones(len(problem.labels), bool)
+    kernels, every = kernels_of(problem), np.ones(len(problem.labels), bool)
     best = weighed(problem, every, problem.candidates)[0]
-    assert weighed_unknown(problem, manners).log_bayes_factor > best.log_bayes_factor + 5
+    assert weighed_unknown(problem, kernels).log_bayes_factor > best.log_bayes_factor + 5
     left = problem.residual - best.change
-    assert weighed_unknown(problem, manners, best.parts, best.amounts, left).log_bayes_factor > 5
+    assert weighed_unknown(problem, kernels, best.parts, best.amounts, left).log_bayes_factor > 5
 
 
 @pytest.mark.thorough

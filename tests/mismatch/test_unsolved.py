@@ -14,7 +14,7 @@ from gelforge.mismatch.fem.solver import base_of
 from gelforge.mismatch.fem.unsolved import base_where_solved, without
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 
-MIDDLE, EDGE, MIRRORED = (8.0, 8.0), (8.0, 1.5), (1.5, 8.0)  # of 16 mm; the wall is 1 mm thick
+MIDDLE, EDGE, MIRRORED = (8.0, 8.0), (8.0, 1.1), (1.1, 8.0)  # of 16 mm; the wall is 1 mm thick
 DEEP = 2.3  # mm: beside the wall a ball of 5 mm finds no equilibrium there, in the middle it does
 
 
@@ -42,7 +42,7 @@ def solver(tmp_path_factory):
 
 def test_of_a_press_that_went_too_deep_the_way_down_to_there_is_kept(solver):
     found = pressed((MIDDLE, [1.0, 2.0], [0.5]), (EDGE, [0.5, 1.0, 2.0], [0.5]), (EDGE, [0.5], [0.2]))
-    image = (14.5, 8.0)  # what stands for both edges
+    image = (14.9, 8.0)  # what stands for both edges
     kept = without(solver, found, [Unsolved(*image, "its mesh", "it folds", beyond_mm=1.2)])
     rows = [*range(4), 4, 5, *range(9, 12)]
     pd.testing.assert_frame_equal(
@@ -56,7 +56,7 @@ def test_of_a_press_that_went_too_deep_the_way_down_to_there_is_kept(solver):
 
 def test_where_only_a_way_up_is_not_solved_the_way_down_stays(solver):
     found = pressed((EDGE, [1.0, 2.0], [0.5]), (EDGE, [1.0], [0.5]))
-    kept = without(solver, found, [Unsolved(14.5, 8.0, "its mesh", "it snaps", way_up_from_mm=2.0)])
+    kept = without(solver, found, [Unsolved(14.9, 8.0, "its mesh", "it snaps", unloading_from_mm=2.0)])
     assert list(kept.table["phase"]) == ["load", "load", "dwell", "load", "dwell", "unload"]
     assert list(kept.table["deepest_mm"]) == [2.0] * 3 + [1.0] * 3
     assert "during unloading from 2 mm on its mesh: it snaps" in kept.cannot_know[0]
@@ -64,7 +64,7 @@ def test_where_only_a_way_up_is_not_solved_the_way_down_stays(solver):
 
 def test_a_place_without_readings_is_no_place(solver):
     found = pressed((EDGE, [1.0], []), (MIDDLE, [1.0], []))
-    kept = without(solver, found, [Unsolved(14.5, 8.0, "its mesh", "it folds", beyond_mm=0.5)])
+    kept = without(solver, found, [Unsolved(14.9, 8.0, "its mesh", "it folds", beyond_mm=0.5)])
     assert kept.sites.tolist() == [list(MIDDLE)] and list(kept.table["site"]) == [0, 0]
     assert list(kept.table["x_mm"]) == [8.0, 8.0]
 
@@ -80,12 +80,12 @@ def test_readings_beyond_what_the_base_can_follow_are_left_out_at_mirror_images_
     alone = base_of(solver, replace(kept, cannot_know=()), [])
     np.testing.assert_array_equal(base.context.force, alone.context.force)
     np.testing.assert_array_equal(base.floor, alone.floor)
-    assert "at (14.5, 8) mm" in kept.cannot_know[0] and "4 of 12 readings" in kept.cannot_know[0]
+    assert "at (14.9, 8) mm" in kept.cannot_know[0] and "4 of 12 readings" in kept.cannot_know[0]
 
 
 def test_a_base_that_follows_less_than_half_of_the_readings_is_none(solver):
     found = pressed((EDGE, [DEEP], []), (MIDDLE, [1.0], []), (MIRRORED, [DEEP], []))
-    with pytest.raises(SolverFailed, match=r"at \(14.5, 8\) mm.* beyond .* 33% of the readings are left"):
+    with pytest.raises(SolverFailed, match=r"at \(14.9, 8\) mm.* beyond .* 33% of the readings are left"):
         base_where_solved(solver, found, [])
 
 
@@ -94,7 +94,7 @@ def test_of_a_gel_that_softens_no_press_may_be_missing(solver):
     softening = {"mullins": {"gel": {"amount": 0.2, "m_kPa": 1.0}}}
     study = with_keys(solver.study, history=softening)
     found = pressed((EDGE, [0.5, DEEP], []), (MIDDLE, [0.5], []))
-    with pytest.raises(SolverFailed, match=r"at \(14.5, 8\) mm"):
+    with pytest.raises(SolverFailed, match=r"at \(14.9, 8\) mm"):
         base_where_solved(replace(solver, study=study), found, [])
 
 

@@ -65,7 +65,7 @@ def content(**keys) -> dict:
         "noise": {
             "stated_N": [0.01, 0.01, 0.02],
             "zero_N": [0, 0, 0],
-            "touchdown_mm": 0.02,
+            "contact_point_scatter_mm": 0.02,
             "floor_N": [0, 0, 0.001],
             "law_N": [0, 0, 0.002],
         },

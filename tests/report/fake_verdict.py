@@ -204,7 +204,7 @@ def fake_content() -> dict:
         "noise": {
             "stated_N": [0.008, 0.008, 0.02],
             "zero_N": [0.001, 0.001, 0.004],
-            "touchdown_mm": 0.02,
+            "contact_point_scatter_mm": 0.02,
             "floor_N": zeros,
             "law_N": [0.0, 0.0, 0.0],
             "sensitivity": [

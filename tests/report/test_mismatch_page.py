@@ -23,12 +23,12 @@ from gelforge.report.verdict import mismatch_curves, mismatch_maps
 from gelforge.report.verdict.mismatch_chapters import CHAPTERS, answer, limits, mismatch, origin
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import (
-    amounts_text,
     chance_text,
     in_unit,
     p_text,
     shape_text,
     unbroken,
+    values_text,
 )
 
 
@@ -377,7 +377,7 @@ def test_a_chance_is_never_a_bare_zero_or_one(chance, text):
 
 def test_words_for_amounts_and_p():
     verdict = Verdict.model_validate(fake_verdict.fake_content())
-    assert amounts_text(verdict.effects[1]) == "z -9 % (-10 to -7.7)"
+    assert values_text(verdict.effects[1]) == "z -9 % (-10 to -7.7)"
     assert p_text(3e-9) == "p < 0.0001" and p_text(0.0411) == "p = 0.041"
 
 

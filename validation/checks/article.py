@@ -27,7 +27,7 @@ from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Base, base_of, forces_with
-from gelforge.mismatch.free_forms import asked_for, changes_of
+from gelforge.mismatch.free_forms import changes_of, required
 from gelforge.mismatch.inference.judge import Judgement, judge
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.pipeline.experiments import with_experiments
@@ -122,7 +122,7 @@ def problem_of_case(
     observations = readings(table, sigma_N)
     effects = {name: e for name, e in effects_of_forces(solver.study).items() if not e.history}
     # All readings are needed: the curve that replaces the base has each of them.
-    own = base_of(solver, observations, asked_for(solver.study, effects.values()))
+    own = base_of(solver, observations, required(solver.study, effects.values()))
     base = own if case.column is None else with_curve(own, table[case.column].to_numpy(), effects)
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
@@ -130,7 +130,7 @@ def problem_of_case(
     def forces(parts, amounts, rows):
         chosen = [(effects[part.name], part.shape, a) for part, a in zip(parts, amounts)]
         found = forces_with(solver, own, chosen, rows)
-        replaced = any(effect.switch and np.any(a) for effect, _, a in chosen)
+        replaced = any(effect.binary and np.any(a) for effect, _, a in chosen)
         return found if replaced else found + base.context.force - own.context.force
 
     floor = base.floor if case.column is None else CURVE_ERROR * base.context.force
@@ -152,7 +152,7 @@ def with_curve(base: Base, curve: np.ndarray, effects) -> Base:
     force[:, 2] = curve
     gap = context.force - force
     gap[:, :2] = 0.0
-    switches = {name for name, effect in effects.items() if effect.switch}
+    switches = {name for name, effect in effects.items() if effect.binary}
     at_readings = {
         key: values + gap if key.partition("@")[0].partition(".")[0] in switches else values
         for key, values in context.at_readings.items()

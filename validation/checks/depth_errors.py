@@ -23,7 +23,7 @@ from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.pipeline.stage import observations_of, problem_of, solver_of
 from gelforge.mismatch.result.verdict import ALARM_P
 from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.unknown import manners_of, weighed_unknown
+from gelforge.mismatch.terms.unknown import kernels_of, weighed_unknown
 from gelforge.mismatch.terms.weighing import chance_of_known
 from validation.draw import base_world
 from validation.library import Library, load_library
@@ -63,7 +63,7 @@ def stating(problem: Problem, context: Context, base, press_mm: float, session_m
 def chance(problem: Problem, study: Study) -> float:
     """Return the p of whether there is a mismatch, as the judge takes it from its four tests."""
     rng, everything = np.random.default_rng([study.seed, 5]), np.ones(len(problem.labels), bool)
-    unknown = weighed_unknown(problem, manners_of(problem))
+    unknown = weighed_unknown(problem, kernels_of(problem))
     found = residual_tests(problem, problem.residual, everything, study.mismatch, rng)
     return replace(found, unknown_p=unknown.p, known_p=chance_of_known(problem)).p
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import Name, Positive, Section, without_former
+from gelforge.config.basis.common import Name, Positive, Section
 from gelforge.config.parts.effects import Effects
 
 LARGEST_RATIO = 1000.0  # far_mm over near_mm, ten halvings of the base grid: the article's has 4
@@ -22,7 +22,7 @@ class Quality:
     step: float  # solver.longest_step, so that the indenter's steps [mm] stay about the same
 
 
-# docs/user-guide.md has what each costs and how accurate it is.
+# docs/how-to/mesh.md has what each costs and how accurate it is.
 QUALITIES = {
     "fast": Quality(sizes=4 / 3, growth=1.4, step=1.35),
     "standard": Quality(sizes=1.0, growth=1.0, step=1.0),
@@ -96,12 +96,6 @@ class Contact(Section):
         description="share of the faces' mean distance inside a curved indenter by which hexahedra are pressed on [-]",
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _former(cls, value):
-        former = {"normal_stiffness_N_per_mm3", "tangential_stiffness_N_per_mm3"}
-        return without_former(value, former, "contact is exact now, no stiffness is in its solution")
-
 
 class Solver(Section):
     """Stopping rules of the Newton iteration."""
@@ -123,11 +117,6 @@ class Solver(Section):
         4, ge=0, le=10, description="times a depth step may be halved before giving up [-]"
     )
     linear_solver: Literal["auto", "pardiso", "superlu"] = Field("auto", description="sparse direct solver")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _former(cls, value):
-        return without_former(value, {"gap_tolerance_mm"}, "use gap_tolerance, over the element size")
 
 
 class Mechanics(Section):

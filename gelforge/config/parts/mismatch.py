@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, model_serializer
 
-from gelforge.config.basis.common import Name, NonNegative, Section, renamed
+from gelforge.config.basis.common import Name, NonNegative, Section
 
 
 class Known(Section):
@@ -66,11 +66,6 @@ class Mismatch(Section):
         description="images of sessions with a camera are judged with the forces where these leave several effects that"
         " images distinguish, and for these effects (auto); always judged with the forces, predicted from them, or left out",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _old_key(cls, value):
-        return renamed(value, {"touchdown_mm": "contact_point_scatter_mm"})
 
     @model_serializer(mode="wrap")
     def _as_written(self, write) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_serializer, model_validator
@@ -99,10 +98,7 @@ class StageToSensor(Section):
 
 
 class DepthZero(Section):
-    """How depth zero was found, and the two errors of the depth: one of each indentation, one of the whole session.
-
-    `scatter_mm`, the old key for either, is read until version 0.2: as that of `by`, the other is 0 (see `old_scatter`).
-    """
+    """How depth zero was found, and the two errors of the depth: one of each indentation, one of the whole session."""
 
     by: Literal["session", "press"] = Field("session", description="once per session or at every indentation")
     how: str = Field("", description="procedure in words")
@@ -122,39 +118,6 @@ class DepthZero(Section):
     def both_scatter_mm(self) -> float:
         """Return the standard deviation of an indentation's depth from both errors, as far as they are known [mm]."""
         return math.hypot(self.press_scatter_mm or 0.0, self.session_scatter_mm or 0.0)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_scatter(cls, keys: Any) -> Any:
-        if not isinstance(keys, Mapping) or "scatter_mm" not in keys:
-            return keys
-        keys = dict(keys)
-        scatter, by = keys.pop("scatter_mm"), keys.get("by", "session")
-        if scatter is None or by not in OTHERS:
-            return keys
-        own, other = f"{by}_scatter_mm", f"{OTHERS[by]}_scatter_mm"
-        for name in (own, other):
-            if keys.get(name) is not None:
-                raise ValueError(
-                    f"scatter_mm {scatter} and {name} {keys[name]}: scatter_mm is the old name of {own} (by: {by}); "
-                    "remove it"
-                )
-        return keys | {own: scatter, other: 0.0}
-
-
-OTHERS = {"session": "press", "press": "session"}  # who has a depth error of its own: the other of two
-
-
-def old_scatter(keys: Mapping[str, Any]) -> str | None:
-    """Return what a session.yaml with the old key `depth_zero.scatter_mm` is read as, and what to write; None without it."""
-    zero = keys.get("depth_zero")
-    if not isinstance(zero, Mapping) or zero.get("scatter_mm") is None:
-        return None
-    by = zero.get("by", "session")
-    return (
-        f"depth_zero.scatter_mm {zero['scatter_mm']} is read as {by}_scatter_mm (by: {by}) with {OTHERS[by]}_scatter_mm: 0;"
-        " gelforge 0.2 will not read it, state both"
-    )
 
 
 class Session(Section):

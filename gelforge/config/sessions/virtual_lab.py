@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_serializer, model_validator
 
-from gelforge.config.basis.common import Fraction, Name, NonNegative, Positive, Section, renamed
+from gelforge.config.basis.common import Fraction, Name, NonNegative, Positive, Section
 from gelforge.config.parts.camera import Camera, without_null
 from gelforge.config.parts.mechanics import Mechanics, Mesh
 from gelforge.config.sessions.session import StageToSensor
@@ -119,11 +119,6 @@ class VirtualForce(Section):
     contact_point_scatter_mm: NonNegative = Field(
         0.01, description="standard deviation of the contact point from one indentation to the next [mm]"
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _old_key(cls, value):
-        return renamed(value, {"touchdown_mm": "contact_point_scatter_mm"})
 
 
 class VirtualSession(Section):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,17 +11,22 @@ from typing import Any, Union, get_args, get_origin
 import yaml
 from pydantic import ValidationError
 
-from gelforge.config.basis.common import ConfigError, OldKey, Section
+from gelforge.config.basis.common import ConfigError, Section
 from gelforge.config.basis.variants import merged
 from gelforge.config.basis.yaml_text import NoYaml, parsed, short
 from gelforge.config.parts.camera import Camera
-from gelforge.config.sessions.session import Session, old_scatter
+from gelforge.config.sessions.session import Session
 from gelforge.config.sessions.virtual_lab import VirtualLab
 from gelforge.config.studies.study import Study
 from gelforge.input_files import NotAFile, another_kind, read_bytes
 
 LONGEST_REMEDY = 600
 MOST_ERRORS = 5  # that a file is said to have
+FORMER_KEYS = {  # of earlier files, and what to write in their place
+    "touchdown_mm": "contact_point_scatter_mm",
+    "scatter_mm": "session_scatter_mm or, where every indentation finds its contact point, press_scatter_mm",
+    "gap_tolerance_mm": "gap_tolerance, over the element size",
+}
 LARGEST = 1e12  # squares and cubes of what is below stay numbers
 
 
@@ -105,6 +109,8 @@ def _part(read: Any, key: Any) -> Any:
 
 def _unknown_key(model: type[Section], location: tuple[str | int, ...]) -> str:
     """Return what to do about a key that its section does not have: the nearest key, or all that there are."""
+    if name := FORMER_KEYS.get(str(location[-1])):
+        return f"former key; write {name}"
     keys = _keys_of(model, location[:-1])
     near = get_close_matches(str(location[-1]), keys, n=1)
     if near:
@@ -162,13 +168,8 @@ def load_study(path: str | Path) -> Study:
 
 
 def load_session(path: str | Path) -> Session:
-    """Return the validated session described by a session.yaml; an old key is read with a warning (OldKey)."""
-    content = _read_yaml(Path(path))
-    session = _validated(Session, content, str(path))
-    old = old_scatter(content)
-    if old:
-        warnings.warn(f"{path}: {old}", OldKey, stacklevel=1)  # one place: said once, whoever loads it
-    return session
+    """Return the validated session described by a session.yaml."""
+    return _validated(Session, _read_yaml(Path(path)), str(path))
 
 
 def load_camera(path: str | Path, **completed: Any) -> Camera:

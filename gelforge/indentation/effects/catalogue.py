@@ -48,13 +48,13 @@ class Effect:
     mesh_changes: bool = False
     history: bool = False  # every indentation is a path of its own
     located: bool = False  # the place counts
-    switch: bool = False  # values are 0 and 1 only
+    binary: bool = False  # values are 0 and 1 only
     unloading: bool = False  # seen during unloading only
     step: float = 1e-2  # of the width: the value by which derivatives are taken
 
     def __call__(self, study: Study, amount: float, place: Place | None = None) -> Study:
         """Return the study with this value of the effect, located ones by default in the middle of the soft layers."""
-        if self.switch and amount not in (0, 1):
+        if self.binary and amount not in (0, 1):
             raise ValueError(f"{self.name} is on (1) or off (0), found {amount:g}")
         return self.apply(study, amount, place or middle_of(study))
 
@@ -201,13 +201,13 @@ CATALOGUE: dict[str, Effect] = {
         Effect(
             "linear_elasticity", "material", "neo-Hookean models in place of the fitted ones", "1", 1.0,
             "material.linear_law", lambda study, amount, place: with_keys(study, material={"linear_law": bool(amount)}),
-            switch=True,
+            binary=True,
         ),
         Effect(
             "small_strain", "material", "small-strain elasticity in place of finite strain", "1", 1.0,
             "mechanics.strain",
             lambda study, amount, place: _changed(study, {"mechanics": {"strain": "small"}}) if amount else study,
-            switch=True,
+            binary=True,
         ),
         Effect(
             "viscoelastic", "history", "overstress modulus of the soft layers over the elastic one, time 1 s", "1", 0.2,
@@ -234,7 +234,7 @@ CATALOGUE: dict[str, Effect] = {
         Effect(
             "frictionless", "contact", "no friction", "1", 1.0, "mechanics.friction",
             lambda study, amount, place: _changed(study, {"mechanics": {"friction": 0.0}}) if amount else study,
-            switch=True,
+            binary=True,
         ),
         Effect(
             "friction_law", "contact", "exponent of its fall with the pressure", "1", 0.33,

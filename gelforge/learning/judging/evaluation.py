@@ -191,10 +191,10 @@ def reliability_table(predictions: Predictions) -> pd.DataFrame:
     errors = RowErrors.of(predictions)
     predicted, true, seen, distance = errors.total, errors.true_total, errors.seen, errors.distance
     touched, push = ~predictions.untouched, np.linalg.norm(true, axis=1)
-    felt, light = push >= CONTACT_N, touched & (push <= LIGHT_N)
+    observable, light = push >= CONTACT_N, touched & (push <= LIGHT_N)
     rows = [
         ("Fz of untouched images, rms", _rms(predicted[~touched, 2]), "N"),
-        (f"contacts of {CONTACT_N:g} N and more that are seen", _mean(seen[felt]), "1"),
+        (f"contacts of {CONTACT_N:g} N and more that are seen", _mean(seen[observable]), "1"),
         (f"mean error of Fz of indentations up to {LIGHT_N:g} N", _mean((predicted - true)[light, 2]), "N"),
         ("centre of pressure, median distance", _quantile(distance[touched], 0.5), "mm"),
         ("centre of pressure, 95th percentile", _quantile(distance[touched], 0.95), "mm"),

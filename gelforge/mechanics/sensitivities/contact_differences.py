@@ -24,7 +24,7 @@ NUDGE = 1e-6  # of the element size, by which the nodes are moved to see how the
 
 
 @dataclass(frozen=True)
-class Seen:
+class FlowObservation:
     """What the contact forces of n nodes are made of, while pressures and friction forces are held."""
 
     gap: np.ndarray  # (n,) [mm], with what a film gives
@@ -34,9 +34,9 @@ class Seen:
     limit: np.ndarray  # (n,) [N] of friction
     pull: np.ndarray  # (n,) [N] of adhesion
 
-    def change_to(self, other: Seen, amount: float) -> Seen:
+    def change_to(self, other: FlowObservation, amount: float) -> FlowObservation:
         """Return the changes to another one per unit of an amount."""
-        return Seen(*((vars(other)[name] - value) / amount for name, value in vars(self).items()))
+        return FlowObservation(*((vars(other)[name] - value) / amount for name, value in vars(self).items()))
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Held:
     sticks: np.ndarray  # (n,) bool
     slips: np.ndarray  # (n,) bool
     direction: np.ndarray  # (n, 3) of the friction of what slips
-    seen: Seen
+    seen: FlowObservation
     pressure_spring: np.ndarray  # (n,) [N/mm^3] stiff; softer where a film gives way
     friction_spring: np.ndarray  # (n,) [N/mm] stiff for what sticks, of the friction's turn for what slips
     limit_slope: np.ndarray  # (n,) [mm^2] d limit of friction / d pressure
@@ -126,7 +126,7 @@ def repeated(contact: SurfaceContact, held: Held, times: int) -> tuple[SurfaceCo
     own.nodes = np.arange(times * len(contact.nodes))
     per_node = ("u", "gap", "moved", "contact_state", "touched")
     old = replace(held.old, **{name: again(getattr(held.old, name)) for name in per_node})
-    seen = Seen(*(again(value) for value in vars(held.seen).values()))
+    seen = FlowObservation(*(again(value) for value in vars(held.seen).values()))
     values = {
         name: again(value) for name, value in vars(held).items() if name not in ("centre", "old", "seen")
     }
@@ -156,7 +156,7 @@ def seen_at(
     u: np.ndarray,
     pressure: np.ndarray,
     active: np.ndarray,
-) -> Seen:
+) -> FlowObservation:
     """Return what forces are made of at displacements (n, 3) [mm] after a step from an old state."""
     s = contact.settings
     gap, normal, _ = contact._gap_at(contact.X + u, centre)
@@ -165,10 +165,10 @@ def seen_at(
     touched = np.zeros(len(gap), bool) if old.touched is None else old.touched
     work = np.where(touched, s.adhesion_work, s.adhesion_approach)
     pull = contact.area * adhesive_traction(gap, active, work, s.adhesion_range)[0]
-    return Seen(gap + given, normal, slip, contact.area, contact._limit(pressure), pull)
+    return FlowObservation(gap + given, normal, slip, contact.area, contact._limit(pressure), pull)
 
 
-def force_change(held: Held, by: Seen) -> np.ndarray:
+def force_change(held: Held, by: FlowObservation) -> np.ndarray:
     """Return the changes (n, 3) of the forces of contact by changes of what they are made of, to first order.
 
     Pressures follow so that gaps stay closed and friction so that what sticks does not slip; what slips keeps the limit of

@@ -16,7 +16,7 @@ def found() -> dict[str, Effect]:
 CATALOGUE: dict[str, Effect] = found()
 
 
-def with_taken(effects: Iterable[Effect]) -> list[Effect]:
+def with_dependencies(effects: Iterable[Effect]) -> list[Effect]:
     """Return effects and those whose derivatives they are made of."""
     own = list(effects)
-    return list(dict.fromkeys([*own, *(CATALOGUE[name] for effect in own for name in effect.takes)]))
+    return list(dict.fromkeys([*own, *(CATALOGUE[name] for effect in own for name in effect.depends_on)]))

@@ -40,7 +40,7 @@ EFFECT = Effect(
     confused_with=("gel_stiffness", "force_gain", "force_drift", "mullins", "temperature", "thickness_gradient"),
     separated_by="the same indentation in every session, at one temperature, with dead weights on the force sensor"
         " beside it",
-    takes=("gel_stiffness",),
+    depends_on=("gel_stiffness",),
     shapes=where_it_differs("age_days"),
     **solver("ageing", present) | {"to_forces": to_forces},
 )  # fmt: skip

@@ -32,6 +32,6 @@ EFFECT = Effect(
     signature="softer in the middle, as force times slope; nothing at the edges",
     confused_with=("frame_compliance", "compressibility", "elastic_base"),
     separated_by="a dial gauge under the plate; a rigid block pressed at the middle and at the edge",
-    takes=("contact_zero",),
+    depends_on=("contact_zero",),
     **solver("base_bending", has("kinematics.base_bending_mm_per_N")) | {"to_forces": to_forces},
 )  # fmt: skip

@@ -62,7 +62,7 @@ EFFECT = Effect(
     signature="less force during loading and more during unloading, in proportion to speed; nothing while the stage waits",
     confused_with=("contact_zero", "force_hysteresis", "viscoelastic"),
     separated_by="the same indentation at two speeds, with a wait at the end; one trigger line for all recorders",
-    takes=("contact_zero",),
+    depends_on=("contact_zero",),
     to_forces=to_forces,
     shapes=shapes,
 )  # fmt: skip

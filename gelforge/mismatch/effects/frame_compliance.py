@@ -30,6 +30,6 @@ EFFECT = Effect(
     signature="softer as force times slope: nothing at small depth, most at the deepest indentations and near the wall",
     confused_with=("compressibility", "law_exponent", "base_bending", "elastic_base"),
     separated_by="pressing a rigid block in place of the sensor; images, which show the true depth",
-    takes=("contact_zero",),
+    depends_on=("contact_zero",),
     **solver("frame_compliance", has("kinematics.frame_compliance_mm_per_N")) | {"to_forces": to_forces},
 )  # fmt: skip

@@ -10,7 +10,7 @@ from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.mismatch.evidence.places import FirstOrderAt
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Effect, Shape
-from gelforge.mismatch.model.solver_effects import ON, amount, turned_round
+from gelforge.mismatch.model.solver_effects import ON, amount, inverted
 
 # Silicone on steel or plastic runs from 0.2, dusted, to above 1, clean; what studies have by default is between.
 COEFFICIENTS = (0.2, Mechanics.model_fields["friction"].default, 1.0)
@@ -29,7 +29,7 @@ def shapes(context: Context) -> list[Shape]:
 def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
     """Return the study with another coefficient of friction; without a shape it is none, or the default one."""
     other = 0.0 if study.mechanics.friction else COEFFICIENTS[1]
-    return turned_round(lambda _: {"friction": float(shape.get("coefficient", other))})(study, shape, amounts)
+    return inverted(lambda _: {"friction": float(shape.get("coefficient", other))})(study, shape, amounts)
 
 
 EFFECT = Effect(
@@ -43,5 +43,5 @@ EFFECT = Effect(
     shapes=shapes,
     to_study=to_study,
     to_forces=FirstOrderAt("frictionless", coefficients),
-    switch=True,
+    binary=True,
 )

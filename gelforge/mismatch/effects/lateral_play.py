@@ -41,7 +41,7 @@ EFFECT = Effect(
     "within, harder where it comes from without",
     confused_with=("grid_scale", "wall_stiffness", "prestretch", "misregistration", "yaw"),
     separated_by="one place near a wall, met from both sides in turn; the last move always from the same side",
-    takes=("misregistration",),
+    depends_on=("misregistration",),
     to_places=to_places,
     to_forces=to_forces,
 )

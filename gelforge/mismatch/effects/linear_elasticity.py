@@ -8,7 +8,7 @@ right; that another law holds is `law_exponent`.
 from gelforge.config import Mechanics, Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.model.solver_effects import ON, amount, first_order, turned_round
+from gelforge.mismatch.model.solver_effects import ON, amount, first_order, inverted
 
 
 def changes(mechanics: Mechanics) -> dict:
@@ -34,8 +34,8 @@ EFFECT = Effect(
     signature="nothing at small depth, growing with depth, most at the deepest indentations and near the wall",
     confused_with=("small_strain", "law_exponent", "frame_compliance", "compressibility"),
     separated_by="a material test to the stretches under the ball; the nominal model solved with both constitutive models",
-    to_study=turned_round(changes),
+    to_study=inverted(changes),
     to_forces=first_order("linear_elasticity"),
     applies=applies,
-    switch=True,
+    binary=True,
 )

@@ -134,7 +134,7 @@ EFFECT = Effect(
     confused_with=("ageing", "viscoelastic", "force_drift", "adhesion", "force_hysteresis"),
     separated_by="random order, with a return to one site at every ninth indentation, and first indentations on a"
         " fresh sensor",
-    takes=("gel_stiffness",),
+    depends_on=("gel_stiffness",),
     applies=lambda study: has_none_of("history.mullins")(study) and study.mechanics.strain == "finite",
-    **solver("mullins") | {"to_study": to_study, "to_forces": to_forces, "shapes": shapes, "in_order": True},
+    **solver("mullins") | {"to_study": to_study, "to_forces": to_forces, "shapes": shapes, "path_dependent": True},
 )  # fmt: skip

@@ -7,7 +7,7 @@ A base of small strain gets finite strain with neo-Hookean laws of its moduli, w
 from gelforge.config import Mechanics, Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.model.solver_effects import ON, amount, first_order, turned_round
+from gelforge.mismatch.model.solver_effects import ON, amount, first_order, inverted
 
 
 def changes(mechanics: Mechanics) -> dict:
@@ -33,8 +33,8 @@ EFFECT = Effect(
     confused_with=("linear_elasticity", "law_exponent", "frame_compliance", "compressibility"),
     separated_by="the nominal model solved with and without finite strain; a ball of another radius at the same"
     " depth over height",
-    to_study=turned_round(changes),
+    to_study=inverted(changes),
     to_forces=first_order("small_strain"),
     applies=applies,
-    switch=True,
+    binary=True,
 )

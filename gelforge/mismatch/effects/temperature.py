@@ -39,7 +39,7 @@ EFFECT = Effect(
     signature="all forces of a session in proportion, from session to session with the room's temperature",
     confused_with=("gel_stiffness", "force_gain", "force_drift", "ageing"),
     separated_by="the same presses on one day at two temperatures ten kelvin apart",
-    takes=("gel_stiffness",),
+    depends_on=("gel_stiffness",),
     shapes=where_it_differs("temperature_C"),
     **solver("temperature", present) | {"to_forces": to_forces},
 )  # fmt: skip

@@ -14,7 +14,7 @@ NOTHING: frozenset[str] = frozenset()
 # Log evidence counts for this share: each effect has a form that is not quite the truth's, and so have the errors allowed
 # for it. Of 135 claims of two opened concealed sets 0.4 makes the mean log score largest (-0.27; -0.40 at 1), and of
 # those that it leaves above 0.9 79 of 81 are right (docs/mismatch-method.md, `python -m validation claims`).
-WORTH = 0.4
+TEMPERING = 0.4
 UNKNOWN = "unknown"  # what no known effect explains: as likely, before the readings, as any one of them
 
 

@@ -9,7 +9,7 @@ FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is it
 
 
 def evidence(
-    r: np.ndarray, J: np.ndarray, widths: np.ndarray, signs: np.ndarray
+    r: np.ndarray, J: np.ndarray, prior_sd: np.ndarray, signs: np.ndarray
 ) -> tuple[float, np.ndarray, np.ndarray]:
     r"""Return the log Bayes factor of r = J a + e against r = e, and the posterior mean (p,) and covariance (p, p) of a.
 
@@ -21,7 +21,7 @@ def evidence(
     with one; with more the orthant is taken one side at a time, the posterior being kept normal between (Mendell & Elston
     1974, doi:10.2307/2529136).
     """
-    W = np.asarray(widths, dtype=float)
+    W = np.asarray(prior_sd, dtype=float)
     scaled = J * W
     factor, mean, cov = evidences((scaled.T @ r)[None], (scaled.T @ scaled)[None], np.asarray(signs)[None])
     return float(factor[0]), W * mean[0], W[:, None] * cov[0] * W

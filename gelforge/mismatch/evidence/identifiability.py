@@ -29,7 +29,7 @@ class Limit:
     shape: Shape  # where it is seen best
     amount: float
     worst_amount: float  # at the shape where it is seen least
-    widths: (
+    prior_sd: (
         float  # the value in prior standard deviations; above 1 the recording cannot show what is plausible
     )
 
@@ -126,7 +126,7 @@ def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) ->
     for (name, k), shapes in found.items():
         best, candidate = min(shapes, key=lambda shape: shape[0])
         worst = max(amount for amount, _ in shapes)
-        width = 1.0 if candidate.switch else float(candidate.widths[k])
+        width = 1.0 if candidate.binary else float(candidate.prior_sd[k])
         limits.append(Limit(name, k, candidate.shape, float(best), float(worst), float(best / width)))
     return limits
 
@@ -137,13 +137,13 @@ def profile(
     """Return the log posterior (A,), 0 at its largest, over one value, the others free at each, by the linear change."""
     r = covariance.whiten(residual)
     J = covariance.whiten(np.column_stack([part.columns for part in judged.parts]))
-    widths = np.concatenate([part.widths for part in judged.parts])
+    prior_sd = np.concatenate([part.prior_sd for part in judged.parts])
     rest = np.arange(J.shape[1]) != parameter
-    B = np.eye(rest.sum()) + widths[rest, None] * (J[:, rest].T @ J[:, rest]) * widths[rest]
+    B = np.eye(rest.sum()) + prior_sd[rest, None] * (J[:, rest].T @ J[:, rest]) * prior_sd[rest]
     shifted = r[:, None] - J[:, [parameter]] * amounts  # (n, A)
-    b = widths[rest, None] * (J[:, rest].T @ shifted)
+    b = prior_sd[rest, None] * (J[:, rest].T @ shifted)
     squares = (shifted**2).sum(axis=0) - np.sum(b * np.linalg.solve(B, b), axis=0)
-    found = -0.5 * (squares + (amounts / widths[parameter]) ** 2)
+    found = -0.5 * (squares + (amounts / prior_sd[parameter]) ** 2)
     return found - found.max()
 
 

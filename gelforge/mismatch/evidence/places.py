@@ -137,13 +137,13 @@ def _point(shape: Shape) -> np.ndarray:
 
 def _plane(study: Study, z: float) -> list[dict[str, float]]:
     sensor = study.sensor
-    widths = sensor.width_x_mm, sensor.width_y_mm
+    prior_sd = sensor.width_x_mm, sensor.width_y_mm
     along_x, along_y = lines(study)
     found = [{"x_mm": x, "y_mm": y} for y in along_y for x in along_x]
     if sensor.shape.kind != "dome":
         return found
     up = 1 + z / sensor.height_mm  # inside the half-ellipsoid
-    return [p for p in found if _away(p["x_mm"], widths[0]) + _away(p["y_mm"], widths[1]) + up**2 < 1]
+    return [p for p in found if _away(p["x_mm"], prior_sd[0]) + _away(p["y_mm"], prior_sd[1]) + up**2 < 1]
 
 
 def lines(study: Study) -> tuple[list[float], list[float]]:

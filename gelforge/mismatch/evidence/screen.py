@@ -27,9 +27,9 @@ class Candidate:
     name: str
     shape: Shape
     columns: np.ndarray  # (n, p) [N per unit]
-    widths: np.ndarray  # (p,) standard deviations of the priors
+    prior_sd: np.ndarray  # (p,) standard deviations of the priors
     signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
-    switch: bool = False  # the value is 1 or 0
+    binary: bool = False  # the value is 1 or 0
     moved_from: Shape | None = None  # the shape that was tried, where a refit has moved its place
     form_error: float = FORM_ERRORS[1]  # where readings have judged it that of most evidence
 
@@ -80,10 +80,10 @@ def screened(
     r = covariance.whiten(residual)
     by_name = defaultdict(list)
     for candidate, own in zip(candidates, whitened(covariance, candidates)):
-        for scale in (1.0,) if candidate.switch else scales:
-            part = replace(candidate, widths=scale * np.asarray(candidate.widths))
-            felt = float(np.linalg.norm(own * (1.0 if candidate.switch else candidate.widths)))
-            by_name[candidate.name].append(replace(judged_by(r, (part,), [own]), plausible_snr=felt))
+        for scale in (1.0,) if candidate.binary else scales:
+            part = replace(candidate, prior_sd=scale * np.asarray(candidate.prior_sd))
+            observable = float(np.linalg.norm(own * (1.0 if candidate.binary else candidate.prior_sd)))
+            by_name[candidate.name].append(replace(judged_by(r, (part,), [own]), plausible_snr=observable))
     found = []
     for shapes in by_name.values():
         factors = [judged.log_bayes_factor for judged in shapes]
@@ -151,7 +151,7 @@ def _beside(residual: np.ndarray, parts: Sequence[Candidate]) -> np.ndarray:
     return np.column_stack([residual, *(part.columns for part in parts)])
 
 
-def believing(judged: Screened, exact: White, erring: White) -> Screened:
+def with_model_error(judged: Screened, exact: White, erring: White) -> Screened:
     """Return a screened answer judged again with the errors of its own change: with its parts whitened without and with.
 
     At its best shape and scale; the others are taken to follow.
@@ -170,15 +170,15 @@ def believing(judged: Screened, exact: White, erring: White) -> Screened:
 def judged_by(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:
     """Return the parts, with whitened columns, judged by the whitened residual r (n,)."""
     J = np.column_stack(columns)
-    widths = np.concatenate([np.broadcast_to(part.widths, c.shape[1]) for part, c in zip(parts, columns)])
+    prior_sd = np.concatenate([np.broadcast_to(part.prior_sd, c.shape[1]) for part, c in zip(parts, columns)])
     signs = np.concatenate([np.broadcast_to(part.signs, c.shape[1]) for part, c in zip(parts, columns)])
-    on = np.concatenate([np.full(c.shape[1], part.switch) for part, c in zip(parts, columns)])
+    on = np.concatenate([np.full(c.shape[1], part.binary) for part, c in zip(parts, columns)])
     d = J[:, on].sum(axis=1)  # a switch is there with amount 1
     factor = float(d @ r - 0.5 * d @ d)
     amounts, spread = np.ones(len(on)), np.zeros((len(on), len(on)))
     if not on.all():
         free = ~on
-        log_evidence, mean, cov = evidence(r - d, J[:, free], widths[free], signs[free])
+        log_evidence, mean, cov = evidence(r - d, J[:, free], prior_sd[free], signs[free])
         factor += log_evidence
         amounts[free], spread[np.ix_(free, free)] = mean, cov
     plain = np.column_stack([part.columns for part in parts])
@@ -190,5 +190,5 @@ def judged_by(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.nd
         covariance=spread,
         change=plain @ amounts,
         snr=float(np.linalg.norm(J @ amounts)),
-        plausible_snr=float(np.linalg.norm(J * np.where(on, 1.0, widths))),
+        plausible_snr=float(np.linalg.norm(J * np.where(on, 1.0, prior_sd))),
     )

@@ -75,9 +75,9 @@ def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape
     """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError."""
     assert effect.to_study is not None  # its forces are first order in the solver's derivatives
     parameter, one = effect.parameters[which], np.eye(len(effect.parameters))[which]
-    amount = 1.0 if effect.switch else effect.step * parameter.width * (parameter.sign or 1)
+    amount = 1.0 if effect.binary else effect.step * parameter.width * (parameter.sign or 1)
     varied = solver.seen(effect.to_study(coarse, shape, tuple(amount * one)))
-    alone = effect.mesh_changes or effect.switch or effect.history or effect.unloading
+    alone = effect.mesh_changes or effect.binary or effect.history or effect.unloading
     instead = _across(solver, coarse, laws, effect, shape, one) if effect.across else None
     return Variation(varied, laws, amount, alone, instead=instead)
 
@@ -99,7 +99,7 @@ def key_of(effect: Effect, shape: int | None, parameter: int) -> str:
     return name if shape is None else f"{name}@{shape}"
 
 
-def felt_by(asked: Sequence[Asked], planned: PlannedCell) -> dict[str, Variation]:
+def observed_by(asked: Sequence[Asked], planned: PlannedCell) -> dict[str, Variation]:
     """Return the variations that an indentation at a position can show."""
     return {one.key: one.variation for one in asked if reaches(one.shape, planned.x_mm, planned.y_mm)}
 

@@ -18,7 +18,7 @@ from gelforge.mismatch.fem.asked import asked_of
 from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
 from gelforge.mismatch.fem.solver import forgetting
 from gelforge.mismatch.fem.stored import place_digest, write_stored
-from gelforge.mismatch.free_forms import asked_for
+from gelforge.mismatch.free_forms import required
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.images_of_presses import image_of
 from gelforge.mismatch.readings.observations import PLACE_DIGITS
@@ -71,7 +71,7 @@ def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
 def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation, dict]]:
     """Return what is differentiated along at a place by name, each with its effect, parameter, unit and shape."""
     blank = Context.before_readings(solver.study)  # all that there could be
-    effects = asked_for(solver.study, effects_of_forces(solver.study).values())
+    effects = required(solver.study, effects_of_forces(solver.study).values())
     found: dict[str, tuple[Variation, dict]] = {}
     known = []
     for zero_by in ZERO_BY:

@@ -2,7 +2,7 @@
 
 A solution is of one place: a loading on the study's own mesh (`fine`); on a coarser mesh a loading with derivatives and
 unloading from its depths (`follow`), a path in time (`timed`), or one path after another on a sensor that remembers
-(`in_order`).
+(`solved_in_order`).
 Kept are forces in the sensor's axes; those returned are in the axes of the force sensor (`Solver.axes`).
 """
 
@@ -65,14 +65,14 @@ class Unsolved:
     mesh: str  # in words
     reason: str
     beyond_mm: float = np.inf  # the deepest that was solved during loading
-    way_up_from_mm: float = np.inf  # unloading from here or deeper are not solved
+    unloading_from_mm: float = np.inf  # unloading from here or deeper are not solved
 
     @property
     def words(self) -> str:
         where = f"at ({self.x_mm:g}, {self.y_mm:g}) mm, or at a mirror image of that,"
         if np.isfinite(self.beyond_mm):
             return f"{where} beyond {self.beyond_mm:g} mm on {self.mesh}: {self.reason}"
-        return f"{where} during unloading from {self.way_up_from_mm:g} mm on {self.mesh}: {self.reason}"
+        return f"{where} during unloading from {self.unloading_from_mm:g} mm on {self.mesh}: {self.reason}"
 
 
 SITES = "sites solved"
@@ -192,7 +192,7 @@ def follow(task: tuple) -> dict[str, np.ndarray] | Unsolved:
     for run in sorted(runs, key=lambda run: max(run.depths_mm)):
         if "reason" in (there := known[unloading_key(run)]):
             x, y, peak = down.x_mm, down.y_mm, max(run.depths_mm)
-            return Unsolved(x, y, COARSER_MESH, str(there["reason"]), way_up_from_mm=peak)
+            return Unsolved(x, y, COARSER_MESH, str(there["reason"]), unloading_from_mm=peak)
     force, axes = known["base"]["total"], solver.axes(study)
     found = {f"reason {key}": one["reason"] for key, one in known.items() if "reason" in one}
     for key, one in known.items():
@@ -214,9 +214,9 @@ def _followed(
         return found
     for run in runs:
         peak = run.phases.index("unload") - 1
-        way_up = np.searchsorted(down.depths_mm, run.depths_mm[peak + 1 :])
+        unloading = np.searchsorted(down.depths_mm, run.depths_mm[peak + 1 :])
         try:
-            up = unloaded(solution, peak, way_up)
+            up = unloaded(solution, peak, unloading)
         except NotConverged as failure:
             found[unloading_key(run)] = {"reason": np.array(str(failure))}
         else:
@@ -331,7 +331,7 @@ def timed(task: tuple[Solver, Trajectory]) -> np.ndarray | str:
     return kept["total"] @ solver.axes(study)
 
 
-def in_order(solver: Solver, paths: Sequence[Trajectory]) -> list[np.ndarray | str]:
+def solved_in_order(solver: Solver, paths: Sequence[Trajectory]) -> list[np.ndarray | str]:
     """The same, one path after another on a sensor that remembers."""
     study, laws = solver.coarse, dict(solver.laws)
     first = PlannedCell("", paths[0].x_mm, paths[0].y_mm, paths[0].depths_mm, phases=paths[0].phases)

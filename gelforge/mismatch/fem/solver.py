@@ -20,7 +20,7 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.error_bars import COARSER
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.fem.asked import Asked, asked_of, carried_derivatives, felt_by, reaches
+from gelforge.mismatch.fem.asked import Asked, asked_of, carried_derivatives, observed_by, reaches
 from gelforge.mismatch.fem.base_bars import PART, SIDEWAYS, base_bars
 from gelforge.mismatch.fem.solutions import (
     Solver,
@@ -28,8 +28,8 @@ from gelforge.mismatch.fem.solutions import (
     Unsolved,
     fine,
     follow,
-    in_order,
     own_cell,
+    solved_in_order,
     timed,
     unloading_key,
     way_down,
@@ -169,7 +169,7 @@ def _followed(
         assert one.variation.inputs  # found once, not by every task
 
     def solve(distinct: list[PlannedCell]) -> list:
-        tasks = [(solver, way, felt_by(asked, way), *unloadings.get(way, ())) for way in distinct]
+        tasks = [(solver, way, observed_by(asked, way), *unloadings.get(way, ())) for way in distinct]
         return _base(solver.each(follow, tasks))
 
     at_images, symmetries = solved_for_all(solver.study, ways, solve)
@@ -262,8 +262,8 @@ def forces_with(
     whole = np.isin(press, press[rows]) | softens
     part = context.chosen(whole).observations
     changes = np.zeros_like(context.force[whole])
-    for felt, there in _by_what_is_felt(part, switched_on):
-        study = _with(solver.study, felt)
+    for observable, there in _by_observable_parts(part, switched_on):
+        study = _with(solver.study, observable)
         unloading = _changes_unloading(solver.study, study)
         solved = _solved_with(solver, study, part.chosen(there), unloading)
         before, more = (base.coarse, 1.0) if unloading else (base.loading, _share(base.coarse, base.loading))
@@ -297,7 +297,7 @@ def _with(study: Study, chosen: Sequence[Amounts]) -> Study:
     return study
 
 
-def _by_what_is_felt(
+def _by_observable_parts(
     observations: Observations, chosen: Sequence[Amounts]
 ) -> Iterator[tuple[list[Amounts], np.ndarray]]:
     """Yield effects with the readings (R,) bool that feel just these: what has a place does not reach all sites.
@@ -311,10 +311,10 @@ def _by_what_is_felt(
     feels = {
         s: tuple(reaches(shape, *observations.sites[s]) for _, shape, _ in chosen) for s in np.unique(site)
     }
-    for felt in dict.fromkeys(feels.values()):
-        if any(felt):
-            own = [one for one, reached in zip(chosen, felt) if reached]
-            yield own, np.isin(site, [s for s in feels if feels[s] == felt])
+    for observable in dict.fromkeys(feels.values()):
+        if any(observable):
+            own = [one for one, reached in zip(chosen, observable) if reached]
+            yield own, np.isin(site, [s for s in feels if feels[s] == observable])
 
 
 def _solved_with(solver: Solver, study: Study, observations: Observations, unloading: bool) -> np.ndarray:
@@ -352,7 +352,7 @@ def _coarse_forces(solver: Solver, study: Study, observations: Observations, unl
         return runs.at_readings([run["base"] for run in _on_runs(runs, ways, followed)])
     paths = timed_runs_of(observations, history.timing.step_mm, history.softens)
     if history.softens:
-        return paths.at_readings(_solved([*in_order(own, paths.trajectories)]))
+        return paths.at_readings(_solved([*solved_in_order(own, paths.trajectories)]))
     found, symmetries = solved_for_all(
         study, paths.trajectories, lambda distinct: _solved(own.each(timed, [(own, p) for p in distinct]))
     )

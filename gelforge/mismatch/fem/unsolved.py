@@ -83,5 +83,5 @@ def _bounds(solver: Solver, sites: np.ndarray, presses: Sequence[Unsolved]) -> n
         image, _ = image_of(study, PlannedCell("", float(x), float(y), (1.0,)))
         for one in presses:
             if within(gaps_to((image.x_mm, image.y_mm), (one.x_mm, one.y_mm))[0]):
-                bounds[number] = np.minimum(bounds[number], [one.beyond_mm, one.way_up_from_mm])
+                bounds[number] = np.minimum(bounds[number], [one.beyond_mm, one.unloading_from_mm])
     return bounds

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from gelforge.config import Study
-from gelforge.mismatch.effects import with_taken
+from gelforge.mismatch.effects import with_dependencies
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Effect
@@ -24,9 +24,9 @@ def derivatives_for(study: Study) -> dict[str, Effect]:
     return {effect.name: effect for effect in effects if effect.applies(study)}
 
 
-def asked_for(study: Study, effects: Iterable[Effect]) -> list[Effect]:
+def required(study: Study, effects: Iterable[Effect]) -> list[Effect]:
     """Return all whose derivatives a verdict over some effects asks for."""
-    return [*with_taken(effects), *derivatives_for(study).values()]
+    return [*with_dependencies(effects), *derivatives_for(study).values()]
 
 
 def changes_of(context: Context) -> list[Candidate]:

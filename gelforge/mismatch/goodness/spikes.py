@@ -15,10 +15,10 @@ from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.goodness.scan import AXES
 from gelforge.mismatch.readings.observations import Observations, SetAside
 from gelforge.mismatch.terms.problem import Problem, never_solved
-from gelforge.mismatch.terms.unknown import manners_of
+from gelforge.mismatch.terms.unknown import kernels_of
 
 SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
-ROOM = 3.0  # plausible sizes of a discrepancy, of every manner: 30 % of the force each, and no spike
+ROOM = 3.0  # plausible sizes of a discrepancy, of every kernel: 30 % of the force each, and no spike
 MOST = 0.004  # of the entries, at least one: what strikes more of them is no glitch
 TRIED = 200  # entries looked at, those farthest off
 
@@ -82,8 +82,8 @@ def _with_room(problem: Problem) -> Covariance:
     rounding = problem.observations.flat(problem.observations.rounding_N)
     # a reading that falls into the next step is no spike: as if each were rounded by itself, too
     covariance = problem.covariance.scattering(rounding**2)
-    manners = manners_of(problem)
-    manners.sort(key=lambda manner: manner.each is None)  # those of each indentation before what all share
-    for manner in manners:
-        covariance = manner.beside(covariance, ROOM)
+    kernels = kernels_of(problem)
+    kernels.sort(key=lambda kernel: kernel.each is None)  # those of each indentation before what all share
+    for kernel in kernels:
+        covariance = kernel.beside(covariance, ROOM)
     return covariance

@@ -14,15 +14,15 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Study
-from gelforge.mismatch.effects import CATALOGUE, with_taken
+from gelforge.mismatch.effects import CATALOGUE, with_dependencies
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import Base
 from gelforge.mismatch.images.flow_covariance import flow_covariance
 from gelforge.mismatch.images.flow_images import (
     REGIONS,
-    Eye,
-    Seen,
+    CameraView,
+    FlowObservation,
     away_from_indenter,
     likely_particles,
     seen_flows,
@@ -73,7 +73,7 @@ def with_flow(solver: Solver, base: Base, problem: Problem, sessions: Sequence[P
     particles = likely_particles(study.sensor, study.seed)
     effects = {name: e for name, e in CATALOGUE.items() if e.to_camera is not None and e.applies(study)}
     effects = {name: e for name, e in effects.items() if name not in study.mismatch.leave_out}
-    asked = {effect.name: effect for effect in with_taken(problem.effects.values())}
+    asked = {effect.name: effect for effect in with_dependencies(problem.effects.values())}
     try:
         model = flow_model(solver, base, seen, asked, particles)
     except SolverFailed as failure:
@@ -81,7 +81,7 @@ def with_flow(solver: Solver, base: Base, problem: Problem, sessions: Sequence[P
     return _joined(problem, model, dict(problem.effects) | effects)
 
 
-def _unfit(study: Study, seen: Sequence[Seen]) -> str:
+def _unfit(study: Study, seen: Sequence[FlowObservation]) -> str:
     if study.sensor.shape.kind != "block" or study.mechanics.mesh.elements == "tetrahedra":
         return "the motion of particles is known on hexahedra, in a block, only"
     if not any(layer.particle_volume_fraction > 0 for layer in study.sensor.layers):
@@ -93,7 +93,7 @@ def _unfit(study: Study, seen: Sequence[Seen]) -> str:
     return ""
 
 
-def _as_known(study: Study, eye: Eye) -> Eye:
+def _as_known(study: Study, eye: CameraView) -> CameraView:
     """Return an eye with the effects of the camera that the study takes as known."""
     camera = eye.camera
     for known in study.mismatch.known:
@@ -135,7 +135,7 @@ def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -
     )
 
 
-def _observations(forces: Observations, seen: Sequence[Seen], shown: np.ndarray) -> Observations:
+def _observations(forces: Observations, seen: Sequence[FlowObservation], shown: np.ndarray) -> Observations:
     """Return the observations with one row per indentation and region."""
     m = REGIONS**2
     table = (
@@ -197,7 +197,7 @@ def _candidates(
         if np.any(change):
             columns = np.concatenate([np.zeros((rows.entries, change.shape[1])), change])
             signs = np.array([p.sign for p in effect.parameters])
-            found.append(Candidate(name, {}, columns, effect.widths, signs, effect.switch))
+            found.append(Candidate(name, {}, columns, effect.prior_sd, signs, effect.binary))
     return found
 
 

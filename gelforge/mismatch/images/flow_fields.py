@@ -16,7 +16,7 @@ from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.indentation.solving.sensitivities import Variation, unmirrored
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.fem.asked import Asked, carried_derivatives, felt_by
+from gelforge.mismatch.fem.asked import Asked, carried_derivatives, observed_by
 from gelforge.mismatch.fem.solutions import (
     Solver,
     SolverFailed,
@@ -143,7 +143,9 @@ def each_moved_along(solver: Solver, planned: Sequence[PlannedCell], asked: Sequ
     found, symmetries = solved_for_all(
         solver.study,
         planned,
-        lambda distinct: solver.each(moved_along, [(solver, one, felt_by(asked, one)) for one in distinct]),
+        lambda distinct: solver.each(
+            moved_along, [(solver, one, observed_by(asked, one)) for one in distinct]
+        ),
     )
     width = solver.study.sensor.width_x_mm
     return [one.carried(symmetry, asked, width) for one, symmetry in zip(found, symmetries)]

@@ -54,7 +54,7 @@ GREYS = (5.0, 99.5)  # percentiles of the reference frame: background, and the n
 
 
 @dataclass(frozen=True)
-class Eye:
+class CameraView:
     """The camera of one session and how its images look."""
 
     camera: Camera
@@ -63,11 +63,11 @@ class Eye:
 
 
 @dataclass(frozen=True)
-class Seen:
+class FlowObservation:
     """The flow of one indentation at a commanded depth."""
 
     row: pd.Series  # of the table of observations: the last held reading there
-    eye: Eye
+    eye: CameraView
     flow: (
         np.ndarray
     )  # (m, 2) mean over the indentation's images [px], m regions row by row from the top left; u, v
@@ -118,7 +118,7 @@ def even_points(sensor: Sensor, diameter_mm: float) -> np.ndarray:
 
 
 def mean_motion(
-    eye: Eye, points: np.ndarray, moved: np.ndarray, seen: np.ndarray | float = 1.0
+    eye: CameraView, points: np.ndarray, moved: np.ndarray, seen: np.ndarray | float = 1.0
 ) -> np.ndarray:
     """Return the mean motion (m, 2) [px] in the image of points (Q, 3) [mm] seen in each region, moved by (Q, 3) [mm].
 
@@ -129,7 +129,9 @@ def mean_motion(
     return _parts_of_regions(eye, pixels, seen).T @ (project(camera, points + moved)[0] - pixels)
 
 
-def mean_motion_slope(eye: Eye, points: np.ndarray, moved: np.ndarray, weights: csr_array) -> np.ndarray:
+def mean_motion_slope(
+    eye: CameraView, points: np.ndarray, moved: np.ndarray, weights: csr_array
+) -> np.ndarray:
     """Return d mean motion / d displacement (m, 2, G, 3) [px/mm] of nodes, whose weights at the points are (Q, G)."""
     camera = pinhole(eye.camera)
     part = _parts_of_regions(eye, project(camera, points)[0])
@@ -141,7 +143,7 @@ def mean_motion_slope(eye: Eye, points: np.ndarray, moved: np.ndarray, weights: 
     return np.moveaxis(np.array(found), (0, 1, 2, 3), (1, 3, 0, 2))
 
 
-def _parts_of_regions(eye: Eye, pixels: np.ndarray, weight: np.ndarray | float = 1.0) -> np.ndarray:
+def _parts_of_regions(eye: CameraView, pixels: np.ndarray, weight: np.ndarray | float = 1.0) -> np.ndarray:
     """Return the weights (Q, m) of points seen at pixels (Q, 2) in each region's mean; they add up to 1 over the points."""
     left, top, width, height = eye.crop_px or (0, 0, eye.camera.width_px, eye.camera.height_px)
     u, v = (pixels - [left - 0.5, top - 0.5]).T
@@ -156,7 +158,7 @@ def _within(at: np.ndarray, pixels: int, parts: int = REGIONS) -> np.ndarray:
     return np.diff(ndtr((edges - at[:, None]) / SPREAD_PX), axis=1)
 
 
-def region_middles(eye: Eye) -> np.ndarray:
+def region_middles(eye: CameraView) -> np.ndarray:
     """Return the middles (m, 2) [px] of the regions in the image as it was taken, row by row from the top left; u, v."""
     left, top, width, height = eye.crop_px or (0, 0, eye.camera.width_px, eye.camera.height_px)
     u = left + (np.arange(REGIONS) + 0.5) * width / REGIONS - 0.5
@@ -164,7 +166,7 @@ def region_middles(eye: Eye) -> np.ndarray:
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
-def away_from_indenter(press: Seen) -> np.ndarray:
+def away_from_indenter(press: FlowObservation) -> np.ndarray:
     """Return how far the middle of each region (m,) [px] is from where the indenter's lowest point touches."""
     contact = np.array([[press.row["x_mm"], press.row["y_mm"], 0.0]], dtype=float)
     return np.linalg.norm(region_middles(press.eye) - project(pinhole(press.eye.camera), contact)[0], axis=1)
@@ -188,7 +190,7 @@ def seen_flows(
     observations: Observations,
     sensor: Sensor,
     depth_mm: float | None = None,
-) -> list[Seen]:
+) -> list[FlowObservation]:
     """Return the flow of one indentation at each of at most MOST_SITES sites, of sessions with images that say their camera.
 
     The first site, then always the farthest from those. depth_mm: the nearest to it that has images; None: to the deepest
@@ -244,7 +246,7 @@ def _nearest(pictured: Sequence[Pictured], depth_mm: float) -> Pictured:
     return min(pictured, key=lambda one: abs(one.depth_mm - depth_mm))
 
 
-def _with_common_noise(seen: list[Seen]) -> list[Seen]:
+def _with_common_noise(seen: list[FlowObservation]) -> list[FlowObservation]:
     """Return the indentations with the noise of images averaged: each region's over all, that of grey over a session's.
 
     Where a region has no texture the search finds anything.
@@ -257,11 +259,11 @@ def _with_common_noise(seen: list[Seen]) -> list[Seen]:
     return [replace(press, noise=noise, eye=_with_grey(press.eye, g)) for press, g in zip(seen, grey)]
 
 
-def _with_grey(eye: Eye, noise_grey: float) -> Eye:
+def _with_grey(eye: CameraView, noise_grey: float) -> CameraView:
     return replace(eye, imaging=eye.imaging.model_copy(update={"noise_grey": float(noise_grey)}))
 
 
-def _measured(one: Pictured) -> Seen:
+def _measured(one: Pictured) -> FlowObservation:
     recording, press, images = one.recording, one.press, one.images
     crop_px = recording.session.crop_px
     reference = read_grey(reference_path(recording.folder), crop_px)
@@ -281,14 +283,16 @@ def _measured(one: Pictured) -> Seen:
         noise, grey = np.full(flows.shape[1:], np.nan), VirtualImaging().noise_grey
     low, high = np.percentile(reference, GREYS)
     imaging = VirtualImaging(noise_grey=grey, background_grey=float(low), particle_grey=float(high))
-    eye = Eye(given(recording.session.camera, "camera"), None if crop_px is None else tuple(crop_px), imaging)
-    return Seen(one.row, eye, flows.mean(axis=0), noise, len(images), reference)
+    eye = CameraView(
+        given(recording.session.camera, "camera"), None if crop_px is None else tuple(crop_px), imaging
+    )
+    return FlowObservation(one.row, eye, flows.mean(axis=0), noise, len(images), reference)
 
 
 class Scene:
     """Untouched particles before a camera, in every placement; draws what a motion of them shows."""
 
-    def __init__(self, eye: Eye, particles: Particles):
+    def __init__(self, eye: CameraView, particles: Particles):
         self.eye, self.particles, self.camera = eye, particles, pinhole(eye.camera)
         self.untouched = [self._picture(points, k, 0) for k, points in enumerate(particles.placed)]
         self.searches = [Flow(picture, PRESET) for picture in self.untouched]
@@ -322,7 +326,7 @@ def flow_of_warp(
     return region_means(search(moved))
 
 
-def motion_field(eye: Eye, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
+def motion_field(eye: CameraView, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """Return the mean motion (H, W, 2) float32 [px] of points (Q, 3) [mm] seen near each pixel, moved by (Q, 3) [mm]."""
     camera = pinhole(eye.camera)
     left, top, width, height = eye.crop_px or (0, 0, camera.width_px, camera.height_px)
@@ -345,7 +349,7 @@ def pinhole(camera: Camera) -> Camera:
     return Camera(**(camera.model_dump() | changed))
 
 
-def shows_gel(eye: Eye, particles: Particles) -> np.ndarray:
+def shows_gel(eye: CameraView, particles: Particles) -> np.ndarray:
     """Return (m,) bool: the regions in which particles are seen."""
     camera = pinhole(eye.camera)
     left, top, width, height = eye.crop_px or (0, 0, camera.width_px, camera.height_px)

@@ -15,16 +15,16 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.places import FirstOrderAt
-from gelforge.mismatch.fem.asked import asked_of, felt_by, key_of
+from gelforge.mismatch.fem.asked import asked_of, key_of, observed_by
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, way_down
 from gelforge.mismatch.fem.solver import Base
 from gelforge.mismatch.images.flow_fields import Moved, each_moved, each_moved_along, solved_with
 from gelforge.mismatch.images.flow_images import (
     PRESET,
-    Eye,
+    CameraView,
+    FlowObservation,
     Particles,
     Scene,
-    Seen,
     even_points,
     flow_of_warp,
     mean_motion,
@@ -53,7 +53,7 @@ class FlowModel:
 
     solver: Solver
     base: Base
-    seen: Sequence[Seen]
+    seen: Sequence[FlowObservation]
     particles: Particles
     planned: Mapping[int, PlannedCell]  # by site, the loading through its depths
     known: frozenset[str]  # derivatives that the study has
@@ -66,7 +66,7 @@ class FlowModel:
     evenly: Mapping[int, np.ndarray]  # by site, the same (D, Q, 3) of the even points
     coarsely: Mapping[int, np.ndarray]  # by site, the same on the coarser mesh
 
-    def depth(self, press: Seen) -> int:
+    def depth(self, press: FlowObservation) -> int:
         """Return the step of its site's loading at which an indentation was seen."""
         return _step(self.planned[int(press.row["site"])], press)
 
@@ -85,7 +85,7 @@ class FlowModel:
         moved = [self.evenly[int(press.row["site"])][self.depth(press)] for press in self.seen]
         return [motion_field(press.eye, self.even, u) for press, u in zip(self.seen, moved)]
 
-    def by_height(self, eyes: Sequence[Eye], particles: Particles) -> np.ndarray:
+    def by_height(self, eyes: Sequence[CameraView], particles: Particles) -> np.ndarray:
         """Return by how much flows (F, K, m, 2) [px] are other than a warp's, as particles of other heights move otherwise.
 
         In the first placements, with other eyes or another diameter of the particles.
@@ -125,11 +125,13 @@ class FlowModel:
         means = [mean_motion(press.eye, self.even, u, seen) for press, u in zip(self.seen, moved)]
         return self.found * (np.stack(means) - self.mean)
 
-    def change(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye] | None = None) -> np.ndarray:
+    def change(
+        self, more: Sequence[np.ndarray | None], eyes: Sequence[CameraView] | None = None
+    ) -> np.ndarray:
         """Return the change of the flow (F, m, 2) [px] by further displacements (Q, 3) of the even points, or other eyes."""
         return self.found * (self._means(more, eyes or [press.eye for press in self.seen]) - self.mean)
 
-    def _means(self, more: Sequence[np.ndarray | None], eyes: Sequence[Eye]) -> np.ndarray:
+    def _means(self, more: Sequence[np.ndarray | None], eyes: Sequence[CameraView]) -> np.ndarray:
         moved = [self.evenly[int(press.row["site"])][self.depth(press)] for press in self.seen]
         return np.stack(
             [
@@ -162,7 +164,7 @@ class FlowModel:
 
     def columns(self, effect: Effect, shape: Shape, number: int) -> np.ndarray:
         """Return the change of the flow (F, m, 2, P) [px per unit] by each value of an effect. Raises FlowUnknown."""
-        steps = [1.0 if effect.switch else p.width * (p.sign or 1) for p in effect.parameters]
+        steps = [1.0 if effect.binary else p.width * (p.sign or 1) for p in effect.parameters]
         if effect.to_camera is not None:
             return np.stack([self._by_camera(effect, k, step) for k, step in enumerate(steps)], axis=-1)
         if isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
@@ -212,7 +214,7 @@ class FlowModel:
         eyes = [self.seen_by(press, [(effect, amounts)]) for press in self.seen]
         return self.change([None] * len(self.seen), eyes) / step
 
-    def seen_by(self, press: Seen, cameras: Sequence[tuple[Effect, np.ndarray]]) -> Eye:
+    def seen_by(self, press: FlowObservation, cameras: Sequence[tuple[Effect, np.ndarray]]) -> CameraView:
         """Return the eye of an indentation with effects of the camera in it."""
         camera: Camera = press.eye.camera
         for effect, amounts in cameras:
@@ -253,7 +255,11 @@ def _acts_as(effect: Effect, shape: Shape) -> str | None:
 
 
 def flow_model(
-    solver: Solver, base: Base, seen: Sequence[Seen], effects: Mapping[str, Effect], particles: Particles
+    solver: Solver,
+    base: Base,
+    seen: Sequence[FlowObservation],
+    effects: Mapping[str, Effect],
+    particles: Particles,
 ) -> FlowModel:
     """Return the model of the flow of some indentations, solved. Raises SolverFailed where the base cannot be."""
     even = even_points(solver.study.sensor, particles.diameter_mm)
@@ -264,7 +270,7 @@ def flow_model(
         whole = way_down(base.runs.planned[base.runs.of_sites(np.array([site]))[0]])
         deepest = max(p.row["depth_mm"] for p in seen if int(p.row["site"]) == site)
         planned[site] = replace(whole, depths_mm=tuple(d for d in whole.depths_mm if d <= deepest + 1e-6))
-        near[site] = felt_by(asked, planned[site])
+        near[site] = observed_by(asked, planned[site])
     paths = [planned[site] for site in sites]
     try:
         fine = each_moved(solver, solver.study, paths)
@@ -299,14 +305,14 @@ def _at(moved: Moved, weights: csr_array) -> np.ndarray:
     return np.stack([weights @ u.astype(float) for u in moved.base])
 
 
-def _drawn_by(task: tuple[Eye, Particles, list[tuple[np.ndarray, np.ndarray]]]) -> np.ndarray:
+def _drawn_by(task: tuple[CameraView, Particles, list[tuple[np.ndarray, np.ndarray]]]) -> np.ndarray:
     """Return `Scene.flows` (F, K, m, 2) [px] of one scene at some motions and fields."""
     eye, particles, motions = task
     scene = Scene(eye, particles)
     return np.stack([scene.flows(moved, field) for moved, field in motions])
 
 
-def _step(planned: PlannedCell, press: Seen) -> int:
+def _step(planned: PlannedCell, press: FlowObservation) -> int:
     """Return the step of a loading at which an indentation was seen."""
     return int(np.argmin(np.abs(np.array(planned.depths_mm) - press.row["depth_mm"])))
 

@@ -17,12 +17,12 @@ from gelforge.mismatch.inference.few_sites import at_few_sites
 from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, linearised, through_solutions
 from gelforge.mismatch.inference.placing import placed
 from gelforge.mismatch.inference.posterior import CredibleSet, Effects, Posterior, posterior_of
-from gelforge.mismatch.inference.proof import Proof, folds_of, having_paid, proof_of
+from gelforge.mismatch.inference.proof import Proof, after_penalty, folds_of, proof_of
 from gelforge.mismatch.result.verdict import SURE
 from gelforge.mismatch.terms.holdout import Blocks
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted, refitted
-from gelforge.mismatch.terms.unknown import Manner
+from gelforge.mismatch.terms.unknown import Kernel
 from gelforge.progress import stage
 
 WORTH_SOLVING = 0.1  # probability of an effect, below which no effect is solved
@@ -59,15 +59,15 @@ class Answer:
 
     @property
     def discrepancy_words(self) -> str:
-        """Return the manner that a discrepancy would most probably have, in words."""
+        """Return the kernel that a discrepancy would most probably have, in words."""
         unknown, probability = self.posterior.unknown, self.posterior.probability
-        return unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].manner
+        return unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].kernel
 
 
 def explained(
     problem: Problem,
     posterior: Posterior,
-    manners: Sequence[Manner],
+    kernels: Sequence[Kernel],
     blocks: Blocks,
     settings: Mismatch,
     rng: np.random.Generator,
@@ -77,27 +77,27 @@ def explained(
         problem = linearised(problem)
     elif posterior.holding([UNKNOWN]) >= SURE:
         # Softening explains nothing by itself then: to follow all indentations in order takes minutes and decides nothing.
-        problem = problem.drafted()
-    seated, note = placed(problem, at_few_sites(problem))
-    if seated is not problem:
-        problem, posterior = seated, posterior_of(seated, manners)
+        problem = problem.with_linear_history()
+    relinearised, note = placed(problem, at_few_sites(problem))
+    if relinearised is not problem:
+        problem, posterior = relinearised, posterior_of(relinearised, kernels)
     real = at_few_sites(problem)
-    found = fitted(real, posterior, lambda seated: posterior_of(seated, manners))
+    found = fitted(real, posterior, lambda relinearised: posterior_of(relinearised, kernels))
     notes, mode = [*found.notes, *([note] if note else [])], found.mode
     if mode is None:
         return None, notes
     problem, posterior = found.problem, found.posterior
     stage("amounts of the answer at their plausible widths")
-    fit, note = _at_plausible_widths(real, problem, posterior.sets[mode], found.fits[mode])
+    fit, note = _at_prior_sd(real, problem, posterior.sets[mode], found.fits[mode])
     notes += [note] if note else []
     every = np.ones(len(problem.labels), bool)
     after = forces_of(problem, fit)
     left = problem.observations.flat(problem.observations.force - after)
-    believed = problem.believing(fit.parts, np.concatenate(fit.amounts))
+    uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts))
     stage("the answer on held-out readings, and what it leaves")
     proof = proof_of(problem, fit, left, blocks) if blocks.held_out.any() else None
     if proof is not None:
-        proof = having_paid(proof, problem, posterior)
+        proof = after_penalty(proof, problem, posterior)
     return (
         Answer(
             posterior=posterior,
@@ -106,7 +106,7 @@ def explained(
             refits=found.fits,
             groups=groups_of(problem, posterior, fit),
             after=after,
-            adequacy=residual_tests(believed, left, every, settings, rng, fit.columns),
+            adequacy=residual_tests(uncertain, left, every, settings, rng, fit.columns),
             proof=proof,
             folds=folds_of(problem, fit, left),
         ),
@@ -114,8 +114,8 @@ def explained(
     )
 
 
-def _at_plausible_widths(
-    problem: Problem, seated: Problem, start: Screened, fit: Refitted
+def _at_prior_sd(
+    problem: Problem, relinearised: Problem, start: Screened, fit: Refitted
 ) -> tuple[Refitted, str]:
     """Return a fit once more with the priors' own widths, and why that could not be had.
 
@@ -123,17 +123,20 @@ def _at_plausible_widths(
     has a place goes on to where the real model fits best, unless it was placed before (placing.py): between places that were
     tried its columns are but interpolated.
     """
-    parts = tuple(replace(part, widths=seated.own(part).widths) for part in fit.parts)
+    parts = tuple(replace(part, prior_sd=relinearised.own(part).prior_sd) for part in fit.parts)
     again = replace(start, parts=parts, amounts=np.concatenate(fit.amounts))
     try:
-        if any(part.moved_from is not None and seated.own(part).moved_from is None for part in parts):
+        if any(part.moved_from is not None and relinearised.own(part).moved_from is None for part in parts):
             every = np.ones(len(problem.labels), bool)
             return refitted(
-                replace(seated, forces_with=problem.drafted().forces_with), again, every, placing=True
+                replace(relinearised, forces_with=problem.with_linear_history().forces_with),
+                again,
+                every,
+                placing=True,
             ), ""
-        if problem.in_order(parts):
-            return by_columns(seated, again), ""
-        return through_solutions(problem, seated, again)[0], ""
+        if problem.path_dependent(parts):
+            return by_columns(relinearised, again), ""
+        return through_solutions(problem, relinearised, again)[0], ""
     except (NotConverged, ConfigError) as failure:
         return (
             fit,
@@ -151,7 +154,7 @@ def averaged(posterior: Posterior, mode: Effects, fit: Refitted) -> Refitted:
     for part, amounts in zip(fit.parts, fit.amounts):
         p, rows = len(amounts), slice(at, at + len(amounts))
         at += p
-        if part.switch or part.moved_from is not None:
+        if part.binary or part.moved_from is not None:
             continue
         here = _amounts_in(own, part.name)
         away, weight = np.zeros((p, p)), 0.0

@@ -1,6 +1,6 @@
 """What no known effect explains, modelled without a name: its posterior mean, where it holds, and how sure it is.
 
-A manner of `unknown.py` is a random function; learnt from the training readings it predicts those held out, or it is no
+A kernel of `unknown.py` is a random function; learnt from the training readings it predicts those held out, or it is no
 model of what is missing. What does is learnt once more from all readings. As a function of depth and place it corrects
 simulated forces too: a numeric correction with a range of validity, not a cause.
 """
@@ -17,7 +17,7 @@ from scipy.special import logsumexp
 
 from gelforge.config import ConfigError
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.evidence.alternatives import WORTH, normalised
+from gelforge.mismatch.evidence.alternatives import TEMPERING, normalised
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidence
 from gelforge.mismatch.evidence.screen import SCALES
@@ -27,7 +27,7 @@ from gelforge.mismatch.terms.holdout import Blocks, Gain, gain, predictive_score
 from gelforge.mismatch.terms.module import Module
 from gelforge.mismatch.terms.problem import Problem, secant
 from gelforge.mismatch.terms.refit import Refitted
-from gelforge.mismatch.terms.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Manner, Span, log_priors, manners
+from gelforge.mismatch.terms.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Kernel, Span, kernels, log_priors
 
 MOST_SOLUTIONS = 2  # of the study with the map of a cause
 FARTHEST_MM = 6.0  # from the nearest site that it was learnt from, beyond which a change from place to place is not known
@@ -37,7 +37,7 @@ FARTHEST_MM = 6.0  # from the nearest site that it was learnt from, beyond which
 class Modelled:
     """A smooth change of unknown cause, beside the fitted effects or alone."""
 
-    manner: str  # in words
+    kernel: str  # in words
     mean: np.ndarray  # (q,) posterior mean of its coefficients by all readings, over the scales of its size
     covariance: np.ndarray  # (q, q)
     change: np.ndarray  # (n,) [N] of the readings at the mean
@@ -68,7 +68,7 @@ class Modelled:
         """Return whether the change is a function of depth and place, which corrects labels."""
         if self.module is not None:
             return self.module.of_labels
-        return self.manner.endswith((WITH_DEPTH, FROM_PLACE_TO_PLACE))
+        return self.kernel.endswith((WITH_DEPTH, FROM_PLACE_TO_PLACE))
 
     def map(self) -> pd.DataFrame | None:
         """Return the rows of module.csv; None where it is no cause."""
@@ -96,8 +96,8 @@ class Modelled:
         pressing = np.repeat(np.abs(force[:, 2]), 3)
         own = next(
             one
-            for one in manners(rows, force.ravel(), pressing, self.span, np.zeros(3 * m, int))
-            if one.words == self.manner
+            for one in kernels(rows, force.ravel(), pressing, self.span, np.zeros(3 * m, int))
+            if one.words == self.kernel
         )
         D = own.directions
         change = (D @ self.mean).reshape(m, 3)
@@ -113,31 +113,31 @@ class Modelled:
 
 def modelled(
     problem: Problem,
-    tried: Sequence[Manner],
+    tried: Sequence[Kernel],
     blocks: Blocks,
     fit: Refitted | None = None,
     left: np.ndarray | None = None,
     chances: Mapping[str, float] = MappingProxyType({}),
 ) -> Modelled:
-    """Return the manner that is most probable beside a fit, or alone, learnt from the training readings and from all.
+    """Return the kernel that is most probable beside a fit, or alone, learnt from the training readings and from all.
 
-    left (n,) [N]: what the fit leaves of all readings; chances: of manners. All readings choose it, as they choose effects;
+    left (n,) [N]: what the fit leaves of all readings; chances: of kernels. All readings choose it, as they choose effects;
     what each indentation has of its own predicts no other and is not tried. Whether the readings held out confirm it is
     for the caller to ask (`gain`).
     """
     base, every = _Beside.of(problem, fit, left), np.ones(len(problem.labels), bool)
     evidence = {
-        (k, scale): base.evidence(scale * manner.directions, every)
-        for k, manner in enumerate(tried)
-        if manner.each is None
+        (k, scale): base.evidence(scale * kernel.directions, every)
+        for k, kernel in enumerate(tried)
+        if kernel.each is None
         for scale in SCALES
     }
     priors = log_priors(tried)
-    by_manner = {
-        k: WORTH * logsumexp([v for (j, _), v in evidence.items() if j == k]) + priors[tried[k].words]
+    by_kernel = {
+        k: TEMPERING * logsumexp([v for (j, _), v in evidence.items() if j == k]) + priors[tried[k].words]
         for k, _ in evidence
     }
-    likeliest = tried[max(by_manner, key=by_manner.__getitem__)]
+    likeliest = tried[max(by_kernel, key=by_kernel.__getitem__)]
     chance = min(chances.get(likeliest.words, 0.0), 1.0)
     return _learnt(problem, base, blocks, likeliest, likeliest.directions, chance)
 
@@ -180,11 +180,11 @@ def _learnt(
     problem: Problem,
     base: _Beside,
     blocks: Blocks,
-    manner: Manner,
+    kernel: Kernel,
     D: np.ndarray,
     probability: float,
 ) -> Modelled:
-    """Return a manner of directions D (n, q) learnt from the training readings, for its gain, and from all."""
+    """Return a kernel of directions D (n, q) learnt from the training readings, for its gain, and from all."""
     train = blocks.train
     before, spread_before = base.learnt(np.zeros((len(D), 0)), train)
     after, spread = base.learnt(D, train)
@@ -202,7 +202,7 @@ def _learnt(
     own = covariance[p:, p:]
     table = problem.observations.table
     return Modelled(
-        manner=manner.words,
+        kernel=kernel.words,
         mean=mean[p:],
         covariance=own,
         change=D @ mean[p:],
@@ -213,7 +213,7 @@ def _learnt(
         span=Span.of(problem.labels),
         sites=table[["x_mm", "y_mm"]].drop_duplicates().to_numpy(float),
         beside=base.fit is not None,
-        module=manner if isinstance(manner, Module) else None,
+        module=kernel if isinstance(kernel, Module) else None,
         probability=probability,
         spread=np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", D, own, D), 0.0)),
         fit=base.moved(mean[:p], grown),
@@ -229,39 +229,39 @@ class _Beside:
     columns: np.ndarray  # (n, p) of the fit's amounts that are not switched on, in units of their priors
     fit: Refitted | None = None
     free: np.ndarray | None = None  # (a,) bool, amounts that are not switched on
-    widths: np.ndarray | None = None  # (p,) of the priors
+    prior_sd: np.ndarray | None = None  # (p,) of the priors
 
     @classmethod
     def of(cls, problem: Problem, fit: Refitted | None, left: np.ndarray | None) -> _Beside:
         if fit is None or left is None:
             return cls(problem.residual, problem.covariance, np.zeros((len(problem.labels), 0)))
-        believed = problem.believing(fit.parts, np.concatenate(fit.amounts)).covariance
+        uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts)).covariance
         p = sum(len(a) for a in fit.amounts)
-        on = np.concatenate([np.full(len(a), part.switch) for part, a in zip(fit.parts, fit.amounts)])
-        widths = np.concatenate(
-            [np.broadcast_to(part.widths, len(a)) for part, a in zip(fit.parts, fit.amounts)]
+        on = np.concatenate([np.full(len(a), part.binary) for part, a in zip(fit.parts, fit.amounts)])
+        prior_sd = np.concatenate(
+            [np.broadcast_to(part.prior_sd, len(a)) for part, a in zip(fit.parts, fit.amounts)]
         )
-        return cls(left, believed, (fit.columns[:, :p] * widths)[:, ~on], fit, ~on, widths[~on])
+        return cls(left, uncertain, (fit.columns[:, :p] * prior_sd)[:, ~on], fit, ~on, prior_sd[~on])
 
     def moved(self, step: np.ndarray, grown: np.ndarray) -> Refitted | None:
         """Return the fit with its amounts a step (p,) further and their covariance grown by (p, p), in units of priors."""
-        if self.fit is None or self.free is None or self.widths is None:
+        if self.fit is None or self.free is None or self.prior_sd is None:
             return None
         amounts, spread = np.concatenate(self.fit.amounts), self.fit.spread.copy()
         own = np.flatnonzero(self.free)
-        amounts[own] += self.widths * step
-        spread[np.ix_(own, own)] += self.widths[:, None] * grown * self.widths
+        amounts[own] += self.prior_sd * step
+        spread[np.ix_(own, own)] += self.prior_sd[:, None] * grown * self.prior_sd
         ends = np.cumsum([len(a) for a in self.fit.amounts])[:-1]
         return replace(self.fit, amounts=tuple(np.split(amounts, ends)), spread=spread)
 
     def posterior(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean (p + q,) and covariance of values and coefficients, about the fit, by some entries (n,) bool.
 
-        Averaged over the scales of a plausible size, whose evidence counts for WORTH as that of all rivals does.
+        Averaged over the scales of a plausible size, whose evidence counts for TEMPERING as that of all rivals does.
         """
         p, q = self.columns.shape[1], D.shape[1]
         found = [(scale, *self._learnt_by(scale * D, mask)) for scale in SCALES]
-        weights = normalised({scale: WORTH * evidence for scale, evidence, *_ in found})
+        weights = normalised({scale: TEMPERING * evidence for scale, evidence, *_ in found})
         units = {scale: np.r_[np.ones(p), np.full(q, scale)] for scale in SCALES}
         means = {scale: units[scale] * own for scale, _, own, _ in found}
         mean = sum(weights[scale] * own for scale, own in means.items())

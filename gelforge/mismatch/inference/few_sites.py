@@ -18,7 +18,7 @@ from gelforge.mismatch.terms.problem import Problem
 
 SITES = 9  # that are solved
 ORDER = 2  # of the polynomial
-FELT = 0.1  # of the largest change of a site, above which a site is worth solving
+OBSERVABLE = 0.1  # of the largest change of a site, above which a site is worth solving
 STIFFNESS = 1e-3  # of the prior that holds the bend at none, as a share of the change's mean square
 
 
@@ -34,7 +34,7 @@ def at_few_sites(problem: Problem, most: int = SITES) -> Problem:
         parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray
     ) -> np.ndarray:
         solved = [(p, a) for p, a in zip(parts, amounts) if problem.solves(p) and np.any(a)]
-        whole = any(p.switch or problem.effects[p.name].in_order for p, _ in solved)
+        whole = any(p.binary or problem.effects[p.name].path_dependent for p, _ in solved)
         if not solved or whole:
             return problem.forces_with(parts, amounts, rows)
         linear = problem.linear_change(*zip(*solved))
@@ -77,10 +77,10 @@ def chosen_sites(problem: Problem, linear: np.ndarray, parts: Sequence, most: in
     """
     site = problem.observations.table["site"].to_numpy()
     size = np.sqrt(np.bincount(site, (linear**2).sum(axis=1), len(problem.observations.sites)))
-    felt = np.flatnonzero(size > FELT * size.max())
-    places = problem.observations.sites[felt]
+    observable = np.flatnonzero(size > OBSERVABLE * size.max())
+    places = problem.observations.sites[observable]
     if all("x_mm" not in p.shape and problem.effects[p.name].turned is unturned for p, *_ in parts):
         folded = np.sort(np.abs(places - places.mean(axis=0)).round(3), axis=1)
         _, first = np.unique(folded, axis=0, return_index=True)
-        felt, places = felt[first], folded[first]
-    return felt[spread_out(places, most, int(np.argmax(size[felt])))]
+        observable, places = observable[first], folded[first]
+    return observable[spread_out(places, most, int(np.argmax(size[observable])))]

@@ -44,7 +44,7 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
     posterior: of the problem by posterior_of. Where a fit shows that a change is not linear, the columns are put through it
     and the linear pass is made again, so that no second effect is called in to mend the first one's curvature.
     """
-    first, seated = posterior, problem
+    first, relinearised = posterior, problem
     fits: dict[Effects, Refitted] = {}
     failed: dict[Effects, str] = {}
     left = {True: MOST_SOLVED, False: MOST_FREE}
@@ -56,14 +56,14 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
         left[costs] -= 1
         stage(f"fit of {words_of(wanted)}")
         try:
-            fits[wanted], again = through_solutions(problem, seated, found.sets[wanted])
+            fits[wanted], again = through_solutions(problem, relinearised, found.sets[wanted])
         except (NotConverged, ConfigError) as failure:
             failed[wanted] = f"could not be solved: {failure}"
             continue
-        if again is not seated:
-            seated, posterior = again, posterior_of(again)
+        if again is not relinearised:
+            relinearised, posterior = again, posterior_of(again)
     notes = tuple(f"{words_of(effects)} {why}" for effects, why in failed.items())
-    return Fits(seated, found, fits, notes)
+    return Fits(relinearised, found, fits, notes)
 
 
 def _largest_first(
@@ -92,20 +92,20 @@ def words_of(effects: Effects) -> str:
     return " and ".join(sorted(effects)).replace("_", " ")
 
 
-def through_solutions(problem: Problem, seated: Problem, start: Screened) -> tuple[Refitted, Problem]:
+def through_solutions(problem: Problem, relinearised: Problem, start: Screened) -> tuple[Refitted, Problem]:
     """Return a set fitted by its columns, which are put through what is solved at the fit until both agree.
 
     And the problem with these columns. What is solved in order takes minutes and is solved once. Raises NotConverged.
     """
-    fit = by_columns(seated, start)
-    for _ in range(1 if problem.in_order(start.parts) else MOST_SOLUTIONS):
+    fit = by_columns(relinearised, start)
+    for _ in range(1 if problem.path_dependent(start.parts) else MOST_SOLUTIONS):
         change = problem.observations.flat(forces_of(problem, fit) - problem.base)
-        again = through(seated, fit, change)
-        if again is seated:
+        again = through(relinearised, fit, change)
+        if again is relinearised:
             break
-        seated = again
-        fit = by_columns(seated, start)
-    return fit, seated
+        relinearised = again
+        fit = by_columns(relinearised, start)
+    return fit, relinearised
 
 
 def by_columns(problem: Problem, start: Screened) -> Refitted:
@@ -153,14 +153,14 @@ def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
     white = problem.covariance.whiten(np.column_stack([linear, change]))
     if np.linalg.norm(white[:, 1] - white[:, 0]) < CURVED_SNR or not np.any(white[:, 0]):
         return problem
-    widths = np.concatenate([np.broadcast_to(c.widths, c.columns.shape[1]) for c in own])
+    prior_sd = np.concatenate([np.broadcast_to(c.prior_sd, c.columns.shape[1]) for c in own])
     ends = np.cumsum([c.columns.shape[1] for c in own])[:-1]
-    seated = np.split(secant(columns, change - linear, amounts, widths), ends, axis=1)
+    relinearised = np.split(secant(columns, change - linear, amounts, prior_sd), ends, axis=1)
     factor = float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
     placed = {c.name for c in own if "x_mm" in c.shape}
 
     def with_it(candidate: Candidate) -> Candidate:
-        for part, one, new in zip(fit.parts, own, seated):
+        for part, one, new in zip(fit.parts, own, relinearised):
             if candidate is one and part.moved_from is None:
                 return replace(one, columns=new)
         return (

@@ -19,7 +19,7 @@ from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P
 from gelforge.mismatch.terms.holdout import Blocks, split
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted
-from gelforge.mismatch.terms.unknown import Manner, manners_of
+from gelforge.mismatch.terms.unknown import Kernel, kernels_of
 from gelforge.mismatch.terms.weighing import chance_of_known
 from gelforge.progress import stage
 
@@ -72,11 +72,11 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     """
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
     blocks, every = split(labels, seed, turn), np.ones(len(labels), bool)
-    manners = manners_of(problem)
+    kernels = kernels_of(problem)
     stage("size and place of the mismatch")
     mismatch = residual_tests(problem, problem.residual, every, settings, rng)
     stage("evidence of sets of effects")
-    posterior = posterior_of(problem, manners)
+    posterior = posterior_of(problem, kernels)
     unknown = posterior.unknown[NOTHING]
     mismatch = replace(mismatch, unknown_p=unknown.p, known_p=chance_of_known(problem))
     if not _alarm(mismatch, posterior):
@@ -85,13 +85,13 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
         ]
         state = "consistent" if _could_have_seen(physics) else "inconclusive"
         return Judgement(state, blocks, mismatch, posterior, None, None, ())
-    answer, notes = explained(problem, posterior, manners, blocks, settings, rng)
+    answer, notes = explained(problem, posterior, kernels, blocks, settings, rng)
     found = posterior if answer is None else answer.posterior
     out = answer is not None and not in_range(problem, answer.fit)
     model, note = None, ""
     if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
         stage("a model of what no known effect explains")
-        model, note = _modelled(problem, manners, blocks, None if out else answer, found.causes)
+        model, note = _modelled(problem, kernels, blocks, None if out else answer, found.causes)
         answer = answer if out else _beside_cause(problem, answer, model)
     notes += [note] if note else []
     return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
@@ -106,7 +106,7 @@ def _alarm(mismatch: ResidualTests, posterior: Posterior) -> bool:
 
 def _modelled(
     problem: Problem,
-    manners: Sequence[Manner],
+    kernels: Sequence[Kernel],
     blocks: Blocks,
     answer: Answer | None,
     chances: Mapping[str, float],
@@ -114,12 +114,12 @@ def _modelled(
     """Return what is modelled with a free form, where it predicts, and what failed: beside the sure effects, if they lead.
 
     An effect that changes the readings by less than what is modelled beside it is no form of what is missing; beside a cause
-    of its own it is another one. One that is a form of that cause is not beside it. chances: of the manners.
+    of its own it is another one. One that is a form of that cause is not beside it. chances: of the kernels.
     """
-    alone = modelled(problem, manners, blocks, chances=chances)
+    alone = modelled(problem, kernels, blocks, chances=chances)
     if answer is not None and answer.sure and not _of_one_cause(alone, answer):
         left = problem.observations.flat(problem.observations.force - answer.after)
-        found = modelled(problem, manners, blocks, answer.fit, left, chances)
+        found = modelled(problem, kernels, blocks, answer.fit, left, chances)
         both = problem.covariance.whiten(np.column_stack([found.change, problem.residual - left]))
         more, own = np.linalg.norm(both, axis=0)
         if more < own or found.sure:
@@ -166,7 +166,7 @@ def _could_have_seen(singles: Sequence[Screened]) -> bool:
 def in_range(problem: Problem, fit: Refitted) -> bool:
     """Return whether all values are physical and off their bounds."""
     return all(
-        part.switch or problem.effects[part.name].in_range(amounts)
+        part.binary or problem.effects[part.name].in_range(amounts)
         for part, amounts in zip(fit.parts, fit.amounts)
     )
 

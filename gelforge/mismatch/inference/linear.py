@@ -29,17 +29,17 @@ class Linear:
     projected: np.ndarray  # (P,) columns' r
     gram: np.ndarray  # (P, P)
     signs: np.ndarray  # (P,) 1, -1 or 0
-    switch: np.ndarray  # (C,) bool
+    binary: np.ndarray  # (C,) bool
 
     @classmethod
     def of(cls, residual: np.ndarray, covariance: Covariance, candidates: Sequence[Candidate]) -> Linear:
         """Return the candidates against a residual (n,)."""
         white = whitened(covariance, candidates)
-        widths = [
-            np.ones(w.shape[1]) if c.switch else np.broadcast_to(c.widths, w.shape[1])
+        prior_sd = [
+            np.ones(w.shape[1]) if c.binary else np.broadcast_to(c.prior_sd, w.shape[1])
             for c, w in zip(candidates, white)
         ]
-        columns = np.column_stack([w * width for w, width in zip(white, widths)])
+        columns = np.column_stack([w * width for w, width in zip(white, prior_sd)])
         owner = np.repeat(np.arange(len(candidates)), [w.shape[1] for w in white])
         signs = np.concatenate([np.broadcast_to(c.signs, w.shape[1]) for c, w in zip(candidates, white)])
         return cls(
@@ -49,7 +49,7 @@ class Linear:
             columns.T @ covariance.whiten(residual),
             columns.T @ columns,
             signs,
-            np.array([c.switch for c in candidates]),
+            np.array([c.binary for c in candidates]),
         )
 
     @cached_property
@@ -65,7 +65,7 @@ class Linear:
     def log_bayes_factors(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Return the log evidence (m,) against none of sets (m, k) of candidates at scales (m, k), 1 for switches."""
         found = np.empty(len(sets))
-        kinds = np.stack([self.count[sets], self.switch[sets]], axis=-1).reshape(len(sets), -1)
+        kinds = np.stack([self.count[sets], self.binary[sets]], axis=-1).reshape(len(sets), -1)
         for kind in np.unique(kinds, axis=0):
             rows = np.flatnonzero((kinds == kind).all(axis=1))
             for part in np.array_split(rows, max(1, len(rows) // AT_ONCE)):
@@ -74,7 +74,7 @@ class Linear:
 
     def _alike(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Return the same of sets whose candidates have, place by place, as many columns."""
-        on = self.switch[sets[0]]
+        on = self.binary[sets[0]]
         free = [self._columns_of(sets[:, k]) for k in np.flatnonzero(~on)]
         factor, b = np.zeros(len(sets)), None
         fixed = [self._columns_of(sets[:, k]) for k in np.flatnonzero(on)]
@@ -101,6 +101,6 @@ class Linear:
 
 def scales_of(linear: Linear) -> tuple[np.ndarray, np.ndarray]:
     """Return candidates (K,) and scales (K,) of all choices: a switch has one, all others one per scale."""
-    number = np.concatenate([np.full(1 if on else len(SCALES), k) for k, on in enumerate(linear.switch)])
-    scale = np.concatenate([(1.0,) if on else SCALES for on in linear.switch])
+    number = np.concatenate([np.full(1 if on else len(SCALES), k) for k, on in enumerate(linear.binary)])
+    scale = np.concatenate([(1.0,) if on else SCALES for on in linear.binary])
     return number, scale

@@ -32,7 +32,7 @@ def placed(problem: Problem, real: Problem) -> tuple[Problem, str]:
         return problem, ""
     stage(f"place of the {start.name.replace('_', ' ')}")
     try:
-        fit = refitted(real.drafted(), start, np.ones(len(problem.labels), bool))
+        fit = refitted(real.with_linear_history(), start, np.ones(len(problem.labels), bool))
         change = problem.observations.flat(forces_of(real, fit) - problem.base)
     except (NotConverged, ConfigError) as failure:
         return problem, f"{start.name.replace('_', ' ')} could not be placed: {failure}"
@@ -40,7 +40,7 @@ def placed(problem: Problem, real: Problem) -> tuple[Problem, str]:
     if part.moved_from is None or not np.any(amounts):
         return problem, ""
     own, (amount,) = problem.own(part), amounts
-    there = replace(part, columns=change[:, None] / amount, widths=own.widths)
+    there = replace(part, columns=change[:, None] / amount, prior_sd=own.prior_sd)
     return replace(problem, candidates=[there if one is own else one for one in problem.candidates]), ""
 
 

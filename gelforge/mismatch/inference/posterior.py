@@ -16,13 +16,13 @@ from functools import cached_property
 import numpy as np
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, WORTH, log_prior, normalised
+from gelforge.mismatch.evidence.alternatives import NOTHING, TEMPERING, UNKNOWN, log_prior, normalised
 from gelforge.mismatch.evidence.identifiability import indistinguishable
 from gelforge.mismatch.evidence.screen import Screened, judged_by
 from gelforge.mismatch.inference.linear import Linear, scales_of
 from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.unknown import Manner, Weighed, weighed_unknown
-from gelforge.mismatch.terms.weighing import FELT_SNR, those_felt, weighed, with_form_errors
+from gelforge.mismatch.terms.unknown import Kernel, Weighed, weighed_unknown
+from gelforge.mismatch.terms.weighing import FELT_SNR, observable_ones, weighed, with_form_errors
 from gelforge.progress import Progress
 
 REACH = 12.0  # log weight behind the best, within which a set is judged with the errors of its change
@@ -65,7 +65,7 @@ class Posterior:
     def probability(self) -> dict[Effects, float]:
         """Return the probability of nothing and of each set; they add up to 1.
 
-        Evidence counts for WORTH of itself, that of a discrepancy too: each set has a form that is not quite the
+        Evidence counts for TEMPERING of itself, that of a discrepancy too: each set has a form that is not quite the
         truth's.
         """
         weights = {effects: self.weight(effects) for effects in self.evidence}
@@ -73,7 +73,7 @@ class Posterior:
 
     def weight(self, effects: Effects) -> float:
         """Return the log of prior times tempered evidence, but for a common constant."""
-        return WORTH * self.evidence.get(effects, 0.0) + log_prior(
+        return TEMPERING * self.evidence.get(effects, 0.0) + log_prior(
             len(effects), max(self.known, len(effects))
         )
 
@@ -93,8 +93,8 @@ class Posterior:
         return float(min(own + free, 1.0))
 
     @cached_property
-    def manners(self) -> dict[str, float]:
-        """Return the probability of each manner of a discrepancy, in words: they add up to that of a discrepancy."""
+    def kernels(self) -> dict[str, float]:
+        """Return the probability of each kernel of a discrepancy, in words: they add up to that of a discrepancy."""
         found: dict[str, float] = {}
         for effects, one in self.unknown.items():
             for words, share in one.shares.items():
@@ -103,14 +103,14 @@ class Posterior:
 
     @cached_property
     def causes(self) -> dict[str, float]:
-        """Return the probability of each manner, in words, or of its cause in the catalogue's form and nothing unknown."""
+        """Return the probability of each kernel, in words, or of its cause in the catalogue's form and nothing unknown."""
         forms = self.unknown[NOTHING].forms
         return {
             words: min(
                 p + sum(own for effects, own in self.probability.items() if self._is(effects, forms[words])),
                 1.0,
             )
-            for words, p in self.manners.items()
+            for words, p in self.kernels.items()
         }
 
     @staticmethod
@@ -159,31 +159,31 @@ class Posterior:
         return replace(self, evidence={**self.evidence, **evidence})
 
 
-def posterior_of(problem: Problem, manners: Sequence[Manner]) -> Posterior:
+def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
     """Return the posterior by all readings."""
     every = np.ones(len(problem.labels), bool)
     with Progress("linear pass over sets of effects, steps", 4) as progress:
-        singles = {one.name: one for one in those_felt(weighed(problem, every, problem.candidates))}
+        singles = {one.name: one for one in observable_ones(weighed(problem, every, problem.candidates))}
         progress.advance(note="single effects")
         linear = Linear.of(problem.residual, problem.covariance, problem.candidates)
         tables, number, scale = set_tables(linear)
         progress.advance(note="pairs and triples")
-        sets = _believed(problem, number, scale, tables, len(singles))
+        sets = _with_error(problem, number, scale, tables, len(singles))
         progress.advance(note="errors of their changes")
         evidence = {effects: one.log_bayes_factor for effects, one in sets.items()}
         lines = indistinguishable(problem.covariance, singles)
-        found = with_unknown(problem, Posterior(sets, singles, evidence, {}, len(singles), lines), manners)
+        found = with_unknown(problem, Posterior(sets, singles, evidence, {}, len(singles), lines), kernels)
         progress.advance(note="a discrepancy beside them")
     return found
 
 
-def with_unknown(problem: Problem, posterior: Posterior, manners: Sequence[Manner]) -> Posterior:
+def with_unknown(problem: Problem, posterior: Posterior, kernels: Sequence[Kernel]) -> Posterior:
     """Return the posterior with a discrepancy, alone and beside the best sets, by their linear changes."""
-    unknown = {NOTHING: weighed_unknown(problem, manners)}
+    unknown = {NOTHING: weighed_unknown(problem, kernels)}
     for effects in posterior.ranked()[:BESIDE]:
         one = posterior.sets[effects]
         unknown[effects] = weighed_unknown(
-            problem, manners, one.parts, one.amounts, problem.residual - one.change
+            problem, kernels, one.parts, one.amounts, problem.residual - one.change
         )
     more = {
         effects | {UNKNOWN}: posterior.evidence.get(effects, 0.0) + found.log_bayes_factor
@@ -195,9 +195,9 @@ def with_unknown(problem: Problem, posterior: Posterior, manners: Sequence[Manne
 def set_tables(linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
     """Return by set of effects (names, mean evidence, best evidence, best choice), and the choices' candidate and scale."""
     names = np.array([candidate.name for candidate in linear.candidates])
-    felt = _felt(linear)
+    observable = _observable(linear)
     number, scale = scales_of(linear)
-    chosen = felt[number]
+    chosen = observable[number]
     number, scale = number[chosen], scale[chosen]
     own = names[number]
     if not len(own):
@@ -226,7 +226,7 @@ def set_tables(linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
     return [*found, *two, *three.values()], number, scale
 
 
-def _felt(linear: Linear) -> np.ndarray:
+def _observable(linear: Linear) -> np.ndarray:
     """Return which candidates (C,) bool show a plausible value in the readings."""
     squares = np.bincount(linear.owner, np.diag(linear.gram), len(linear.candidates))
     return np.sqrt(squares) > FELT_SNR
@@ -253,7 +253,7 @@ def _by_effects(
     return found
 
 
-def _believed(
+def _with_error(
     problem: Problem, number: np.ndarray, scale: np.ndarray, tables: list, known: int
 ) -> dict[Effects, Screened]:
     """Return the sets within REACH of the best, and their parts, judged with errors of their changes."""
@@ -276,7 +276,7 @@ def _believed(
             if number[k] not in white:
                 white[number[k]] = covariance.whiten(candidate.columns)
         parts = tuple(
-            c if c.switch else replace(c, widths=scale[k] * np.asarray(c.widths))
+            c if c.binary else replace(c, prior_sd=scale[k] * np.asarray(c.prior_sd))
             for k, c in zip(choice, candidates)
         )
         one = replace(judged_by(r, parts, [white[number[k]] for k in choice]), log_bayes_factor=average)

@@ -16,8 +16,8 @@ from gelforge.mismatch.terms.holdout import (
     Blocks,
     Gain,
     gain,
-    paid_for_choice,
     predictive_scores,
+    selection_penalty_of,
     split,
 )
 from gelforge.mismatch.terms.problem import Problem
@@ -41,9 +41,9 @@ def proof_of(problem: Problem, fit: Refitted, left: np.ndarray, blocks: Blocks) 
     linear step about it, as its columns are those of the real model there.
     """
     amounts = np.concatenate(fit.amounts)
-    believed = problem.believing(fit.parts, amounts).covariance
+    uncertain = problem.with_model_error(fit.parts, amounts).covariance
     columns = fit.columns
-    step, spread = _training_step(believed, fit, left, blocks.train)
+    step, spread = _training_step(uncertain, fit, left, blocks.train)
     after = left - columns @ step
     errors = problem.covariance.errors(problem.errors_of(fit.parts, amounts))
     change = problem.residual - after
@@ -51,7 +51,7 @@ def proof_of(problem: Problem, fit: Refitted, left: np.ndarray, blocks: Blocks) 
         "before": predictive_scores(
             problem.residual, problem.covariance, blocks, problem.labels, change=change, errors=errors
         ),
-        "after": predictive_scores(after, believed, blocks, problem.labels, columns, spread),
+        "after": predictive_scores(after, uncertain, blocks, problem.labels, columns, spread),
     }
     return Proof(blocks, after, gain(scores["before"], scores["after"]), scores)
 
@@ -81,11 +81,11 @@ def _prior_of(fit: Refitted, covariance: Covariance, free: np.ndarray) -> np.nda
     return np.diag(np.maximum(np.diag(precision), 0.0))
 
 
-def having_paid(proof: Proof, problem: Problem, posterior: Posterior) -> Proof:
+def after_penalty(proof: Proof, problem: Problem, posterior: Posterior) -> Proof:
     """Return a proof that pays for what the readings held out had to say in choosing the answer."""
     every, sets = np.ones(len(problem.labels), bool), [*posterior.sets.values()]
     trained, reported = (_evidence(problem, sets, mask) for mask in (proof.blocks.train, every))
-    return replace(proof, gain=replace(proof.gain, paid=paid_for_choice(trained, reported)))
+    return replace(proof, gain=replace(proof.gain, selection_penalty=selection_penalty_of(trained, reported)))
 
 
 def _evidence(problem: Problem, sets: Sequence[Screened], mask: np.ndarray) -> np.ndarray:

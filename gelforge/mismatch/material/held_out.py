@@ -12,7 +12,7 @@ from gelforge.mismatch.goodness.scan import Atoms
 from gelforge.mismatch.material.material_models import Fitted, fitted
 from gelforge.mismatch.material.material_readings import Readings
 from gelforge.mismatch.result import verdict as v
-from gelforge.mismatch.terms.holdout import Blocks, gain, paid_for_choice, predictive_scores
+from gelforge.mismatch.terms.holdout import Blocks, gain, predictive_scores, selection_penalty_of
 
 LEAST_SAMPLES = 4  # for whole ones to be held out
 MANY_SEGMENTS = 12  # for whole branches to be held out
@@ -74,7 +74,7 @@ def held_out_entry(readings: Readings, fit: Fitted, fits: Sequence[Fitted], piec
         left, learnt.covariance, blocks, labels, learnt.columns, learnt.judged.covariance
     )
     trained = np.array([fitted(readings, one.model, train).log_evidence for one in fits])
-    paid = paid_for_choice(trained, np.array([one.log_evidence for one in fits]))
+    selection_penalty = selection_penalty_of(trained, np.array([one.log_evidence for one in fits]))
     gained = gain(before, after)
     axis = pd.DataFrame({"axis": np.full(len(train), 2)})
     names = pieces.of_row[pieces.of_row != ""].nunique()
@@ -84,7 +84,7 @@ def held_out_entry(readings: Readings, fit: Fitted, fits: Sequence[Fitted], piec
         after=v.score(axis, left, ~train, after["score"].sum()),
         gain=gained.total,
         standard_error=gained.standard_error,
-        paid=paid,
+        selection_penalty=selection_penalty,
     )
 
 

@@ -104,24 +104,24 @@ def fitted(readings: Readings, changes: Sequence[Change], rows: np.ndarray | Non
     model = tuple(sorted(changes, key=lambda change: ORDER.index(change.name)))
     rows = np.ones(len(readings.measured), bool) if rows is None else rows
     parameters = [p for change in model for p in change.parameters]
-    widths, signs = np.array([p.width for p in parameters]), np.array([p.sign for p in parameters])
-    bounds = np.array([_limits(p) for p in parameters]).T / widths
+    prior_sd, signs = np.array([p.width for p in parameters]), np.array([p.sign for p in parameters])
+    bounds = np.array([_limits(p) for p in parameters]).T / prior_sd
     u = np.where(bounds[1] <= 0, -0.1, np.clip(0.1, *bounds))  # values in units of their widths
     # First every row by its own deviation, then with the correlations that belong to the prediction so far.
     C: Covariance = Dense(np.diag(readings.covariance.variance))
     for _ in range(3):
-        u = _most_probable(readings, model, rows, C.restricted(rows), u, widths, bounds)
-        prediction = predicted(readings, model, u * widths)
+        u = _most_probable(readings, model, rows, C.restricted(rows), u, prior_sd, bounds)
+        prediction = predicted(readings, model, u * prior_sd)
         C = readings.covariance_of(prediction)
-    moved = [predicted(readings, model, (u + STEP * one) * widths) - prediction for one in np.eye(len(u))]
-    J = np.column_stack(moved) / (STEP * widths)
-    left = readings.measured - prediction + J @ (u * widths)
+    moved = [predicted(readings, model, (u + STEP * one) * prior_sd) - prediction for one in np.eye(len(u))]
+    J = np.column_stack(moved) / (STEP * prior_sd)
+    left = readings.measured - prediction + J @ (u * prior_sd)
     own = C.restricted(rows)
     white = own.whiten(np.column_stack([left, J])[rows])
-    parts = [Candidate(c.name, c.shape, J[:, s], widths[s], signs[s]) for c, s in zip(model, slices(model))]
+    parts = [Candidate(c.name, c.shape, J[:, s], prior_sd[s], signs[s]) for c, s in zip(model, slices(model))]
     judged = judged_by(white[:, 0], parts, [white[:, 1:][:, s] for s in slices(model)])
     evidence = own.log_density_of_white(white[:, 0]) + judged.log_bayes_factor
-    at_fit = replace(judged, amounts=u * widths, change=prediction - readings.base)
+    at_fit = replace(judged, amounts=u * prior_sd, change=prediction - readings.base)
     return Fitted(model, prediction, C, at_fit, evidence)
 
 
@@ -130,11 +130,11 @@ def _limits(parameter: Parameter) -> tuple[float, float]:
     return (0.0 if parameter.sign > 0 else low), (0.0 if parameter.sign < 0 else high)
 
 
-def _most_probable(readings, model, rows, covariance, start, widths, bounds) -> np.ndarray:
+def _most_probable(readings, model, rows, covariance, start, prior_sd, bounds) -> np.ndarray:
     """Return the values (p,) in units of their widths, so that no unit decides where the search ends."""
 
     def residual(u):
-        left = readings.measured - predicted(readings, model, u * widths)
+        left = readings.measured - predicted(readings, model, u * prior_sd)
         return np.r_[covariance.whiten(left[rows]), u]
 
     low, high = bounds
@@ -171,4 +171,4 @@ def _through(fit: Fitted) -> Candidate:
     if not amounts.any():
         return part
     missing = fit.judged.change - part.columns @ amounts
-    return replace(part, columns=secant(part.columns, missing, amounts, part.widths))
+    return replace(part, columns=secant(part.columns, missing, amounts, part.prior_sd))

@@ -126,7 +126,7 @@ def noise_entry(readings: Readings) -> v.Noise:
     """Return the errors that were allowed for."""
     stated, law = (float(np.sqrt(np.mean(size**2))) for size in (readings.noise, readings.law))
     one = {"stated_N": stated, "zero_N": readings.zero, "floor_N": 0.0, "law_N": law}
-    return v.Noise(touchdown_mm=0.0, **{name: [None, None, size] for name, size in one.items()})
+    return v.Noise(contact_point_scatter_mm=0.0, **{name: [None, None, size] for name, size in one.items()})
 
 
 def experiment_entries(

@@ -33,5 +33,5 @@ def data_entry_error(
         ),
         "to_forces": to_forces,
         "shapes": lambda context: shapes,
-        "switch": True,
+        "binary": True,
     }

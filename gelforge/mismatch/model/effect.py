@@ -86,7 +86,7 @@ class Effect:
     signature: str  # what it does to readings, in words
     confused_with: tuple[str, ...]
     separated_by: str  # the experiment that distinguishes it from these
-    takes: tuple[str, ...] = ()  # the effects whose derivatives it is made of
+    depends_on: tuple[str, ...] = ()  # the effects whose derivatives it is made of
     to_study: Callable[[Study, Shape, Sequence[float]], Study] | None = None
     to_places: Callable[[Context, Shape, Sequence[float]], np.ndarray] | None = None
     to_forces: Callable[[Context, Shape, np.ndarray, Sequence[float]], np.ndarray] | None = None
@@ -96,9 +96,9 @@ class Effect:
         unturned  # (2, 2) of D4 -> (P, P): how values turn with the sensor
     )
     applies: Callable[[Study], bool] = field(default=lambda study: True)  # the sensor has what it is about
-    switch: bool = False  # values are 0 and 1 only
+    binary: bool = False  # values are 0 and 1 only
     history: bool = False  # every indentation is a path of its own, in time
-    in_order: bool = (
+    path_dependent: bool = (
         False  # an indentation leaves something to those after it: all are solved, one after the other
     )
     mesh_changes: bool = False  # its derivative is a difference of two solutions on its own mesh
@@ -121,7 +121,7 @@ class Effect:
         return self.family == "analyst"
 
     @property
-    def widths(self) -> np.ndarray:
+    def prior_sd(self) -> np.ndarray:
         """Return the plausible values (P,)."""
         return np.array([parameter.width for parameter in self.parameters])
 

@@ -62,7 +62,7 @@ def solver(
         "enters": known.enters,
         "to_study": to_study,
         "to_forces": first_order(name),
-        "switch": known.switch,
+        "binary": known.binary,
         "history": known.history,
         "mesh_changes": known.mesh_changes,
         "unloading": known.unloading,
@@ -102,7 +102,7 @@ def as_spin(turn: np.ndarray) -> np.ndarray:
     return np.array([[np.linalg.det(turn)]])
 
 
-def turned_round(changes: Callable[[Mechanics], dict]):
+def inverted(changes: Callable[[Mechanics], dict]):
     """Return the `to_study` of a switch: 1 sets the keys of mechanics that `changes` gives for the base's own."""
 
     def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:

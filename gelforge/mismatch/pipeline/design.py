@@ -9,7 +9,7 @@ import pandas as pd
 
 from gelforge.config import ConfigError, DepthZero, ForceSensor, Study
 from gelforge.indentation.planning.plan import plan_cells
-from gelforge.mismatch.effects import CATALOGUE, with_taken
+from gelforge.mismatch.effects import CATALOGUE, with_dependencies
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.identifiability import Plan, detection_limits, next_experiment
 from gelforge.mismatch.fem.solutions import Solver
@@ -173,7 +173,7 @@ def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
     study = solver.study
     effects = {effect.name: CATALOGUE[effect.name] for effect in survivors}
     for name, observations in variants_of(study).items():
-        base = base_where_solved(solver, observations, with_taken(effects.values()))
+        base = base_where_solved(solver, observations, with_dependencies(effects.values()))
         context = base.context
         failed: dict[str, str] = {}
         candidates = candidates_of(context, effects, failed)

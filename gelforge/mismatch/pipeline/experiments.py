@@ -77,7 +77,7 @@ def planned(
     columns, errors = columns_by_name(context, survivors), {}
     for one in survivors:
         effect, amounts = CATALOGUE[one.name], np.array([amount.value for amount in one.amounts])
-        part = Candidate(one.name, one.shape, columns[one.name], effect.widths, np.zeros(len(amounts)))
+        part = Candidate(one.name, one.shape, columns[one.name], effect.prior_sd, np.zeros(len(amounts)))
         directions = problem.errors_of([part], amounts)
         if directions.size:
             errors[one.name] = problem.covariance.errors(directions)
@@ -135,7 +135,7 @@ def survivor(effect: NamedEffect) -> Screened:
     parameters = CATALOGUE[effect.name].parameters
     sd = np.array([_spread(amount, parameter) for amount, parameter in zip(effect.amounts, parameters)])
     none = np.zeros((0, len(amounts)))
-    part = Candidate(effect.name, effect.shape, none, CATALOGUE[effect.name].widths, np.zeros(len(amounts)))
+    part = Candidate(effect.name, effect.shape, none, CATALOGUE[effect.name].prior_sd, np.zeros(len(amounts)))
     return Screened(
         (part,),
         effect.log_bayes_factor,

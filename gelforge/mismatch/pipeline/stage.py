@@ -13,7 +13,7 @@ import pandas as pd
 from gelforge.config import ConfigError, Session, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
-from gelforge.mismatch.effects import CATALOGUE, with_taken
+from gelforge.mismatch.effects import CATALOGUE, with_dependencies
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.evidence.spread import spread_out
@@ -21,7 +21,7 @@ from gelforge.mismatch.fem.known import with_known
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Amounts, Base, forces_with, read_with
 from gelforge.mismatch.fem.unsolved import base_where_solved
-from gelforge.mismatch.free_forms import asked_for, changes_of, modules_of
+from gelforge.mismatch.free_forms import changes_of, modules_of, required
 from gelforge.mismatch.goodness.spikes import without_spikes
 from gelforge.mismatch.images.flow import force_part, with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge
@@ -276,7 +276,7 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
     recorded: False of a plan, whose forces mean nothing.
     """
     effects = effects_of_forces(solver.study)
-    asked = asked_for(solver.study, effects.values()) if recorded else with_taken(effects.values())
+    asked = required(solver.study, effects.values()) if recorded else with_dependencies(effects.values())
     stage("forces of the simulation, and how they follow the effects")
     base = with_known(base_where_solved(solver, observations, asked), solver)
     observations = base.context.observations

@@ -52,9 +52,9 @@ def runs_of(observations: Observations) -> Runs:
         peaks = np.unique(deepest[rows][up[rows]])
         for peak in np.union1d(peaks, down[-1:])[::-1]:
             own = rows[up[rows] & (deepest[rows] == peak)]
-            way_up = np.unique(depth[own])[::-1]
+            unloading = np.unique(depth[own])[::-1]
             way_down = down[down <= peak]
-            phases = ("load",) * len(way_down) + ("unload",) * len(way_up)
+            phases = ("load",) * len(way_down) + ("unload",) * len(unloading)
             number = len(planned)
             x, y = (round(float(v), PLACE_DIGITS) for v in observations.sites[site])
             planned.append(
@@ -62,13 +62,13 @@ def runs_of(observations: Observations) -> Runs:
                     f"site{site:04d}_{peak:g}mm",
                     x,
                     y,
-                    (*map(float, way_down), *map(float, way_up)),
-                    phases=phases if len(way_up) else (),
+                    (*map(float, way_down), *map(float, unloading)),
+                    phases=phases if len(unloading) else (),
                 )
             )
             site_of.append(site)
             run[own] = number
-            step[own] = len(way_down) + np.searchsorted(-way_up, -depth[own])
+            step[own] = len(way_down) + np.searchsorted(-unloading, -depth[own])
             if peak == down[-1]:
                 loads = rows[~up[rows]]
                 run[loads], step[loads] = number, np.searchsorted(way_down, depth[loads])
@@ -89,8 +89,8 @@ class TimedRuns:
         return np.stack([by_run[run][step] for run, step in zip(self.run, self.step)])
 
 
-def timed_runs_of(observations: Observations, step_mm: float, in_order: bool) -> TimedRuns:
-    """Return the timed runs of observations; in_order: every indentation is a run of its own, one after another.
+def timed_runs_of(observations: Observations, step_mm: float, path_dependent: bool) -> TimedRuns:
+    """Return the timed runs of observations; path_dependent: every indentation is a run of its own, one after another.
 
     The way between two readings is solved in steps of at most step_mm.
     """
@@ -105,7 +105,7 @@ def timed_runs_of(observations: Observations, step_mm: float, in_order: bool) ->
         part = table.iloc[rows]
         depths = part["depth_mm"].round(DEPTH_DIGITS).to_numpy()
         times = np.maximum.accumulate(part["press_time_s"].round(TIME_DIGITS).to_numpy())
-        key = (int(part["site"].iloc[0]), tuple(depths), tuple(times), *((press,) if in_order else ()))
+        key = (int(part["site"].iloc[0]), tuple(depths), tuple(times), *((press,) if path_dependent else ()))
         if key not in known:
             known[key] = len(trajectories)
             path, where = _timed_path(observations.sites[key[0]], depths, times, step_mm)

@@ -197,7 +197,7 @@ class HeldOut(Section):
     after: Score = Field(description="With the effect in it")
     gain: float = Field(description="Log score after minus before [-]")
     standard_error: NonNegative = Field(description="Of the gain [-]")
-    paid: float = Field(
+    selection_penalty: float = Field(
         0.0,
         le=0,
         description="Selection penalty of the gain, as these readings helped to choose the answer [-]",
@@ -206,7 +206,7 @@ class HeldOut(Section):
     @property
     def shown(self) -> bool:
         """Return whether the gain is more than chance."""
-        return shown(self.gain + self.paid, self.standard_error)
+        return shown(self.gain + self.selection_penalty, self.standard_error)
 
 
 class Flow(Section):
@@ -301,7 +301,7 @@ class Noise(Section):
 
     stated_N: ThreeAxes = Field(description="Standard deviation of one reading, x, y, z [N]")
     zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per indentation, x, y, z [N]")
-    touchdown_mm: NonNegative = Field(description="Of the depth, both errors below together [mm]")
+    contact_point_scatter_mm: NonNegative = Field(description="Of the depth, both errors below together [mm]")
     press_depth_mm: NonNegative | None = Field(
         None, description="Of the depth, one draw per indentation [mm]"
     )

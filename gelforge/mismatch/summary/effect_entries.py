@@ -152,11 +152,11 @@ def _profiled(problem: Problem, answer: Answer, effect: form.NamedEffect) -> for
     """Return an effect of the answer with the profiles of its amounts, to first order about the fit; others as they are."""
     fit = answer.fit
     names = [part.name for part in fit.parts]
-    if effect.name not in names or any(part.switch for part in fit.parts):
+    if effect.name not in names or any(part.binary for part in fit.parts):
         return effect
     amounts = np.concatenate(fit.amounts)
     change = problem.observations.flat(answer.after - problem.base)
-    covariance = problem.believing(fit.parts, amounts).covariance
+    covariance = problem.with_model_error(fit.parts, amounts).covariance
     judged = replace(answer.winner, parts=fit.parts)
     # The model's own change at the fitted values
     offset = problem.residual - change + np.column_stack([part.columns for part in fit.parts]) @ amounts
@@ -182,7 +182,7 @@ def _effect(problem: Problem, one: Found, chance: float, group: Group | None) ->
         snr_instrument=float(np.linalg.norm(problem.covariance.instrument.whiten(change))),
         amounts=value_entries(effect.parameters, one.amounts, one.spread),
         shape=dict(part.shape),
-        in_range=part.switch or effect.in_range(one.amounts),
+        in_range=part.binary or effect.in_range(one.amounts),
         refitted=one.refitted,
         group=[*group.members] if group is not None and len(group.members) > 1 else [],
     )

@@ -34,7 +34,7 @@ def page(catalogue: Mapping[str, Effect]) -> str:
 
 def row(effect: Effect) -> str:
     """Return the effect's line of the table."""
-    amounts = "on or off" if effect.switch else parameters(effect.parameters)
+    amounts = "on or off" if effect.binary else parameters(effect.parameters)
     cells = (
         effect.name,
         effect.family,

@@ -182,7 +182,9 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
         section = model_section(problem, judgement)  # effects fitted without it are not in `after`
         held = None if section is None else section.held_out
     elif answer is not None and answer.proof is not None:
-        held = _held_out(problem, "all", answer.proof).model_copy(update={"paid": answer.proof.gain.paid})
+        held = _held_out(problem, "all", answer.proof).model_copy(
+            update={"selection_penalty": answer.proof.gain.selection_penalty}
+        )
         for name, mask in judgement.blocks.held.items():
             if mask.any():
                 blocks.append(_held_out(problem, name, answer.proof, mask))
@@ -249,7 +251,7 @@ def _noise(problem: Problem, cases: Sequence[form.NoiseCase]) -> form.Noise:
     return form.Noise(
         stated_N=by_axis(observations.flat(observations.noise_N)),
         zero_N=by_axis(observations.flat(observations.zero_N)),
-        touchdown_mm=float(
+        contact_point_scatter_mm=float(
             np.sqrt(np.mean(observations.press_depth_mm**2 + observations.session_depth_mm**2))
         ),
         press_depth_mm=float(np.sqrt(np.mean(observations.press_depth_mm**2))),
@@ -279,8 +281,8 @@ def _shared_errors(covariance: Covariance) -> tuple[np.ndarray, np.ndarray]:
 def _shape(sensor: Sensor | None) -> form.SensorShape | None:
     if sensor is None:
         return None
-    widths = {"width_x_mm": sensor.width_x_mm, "width_y_mm": sensor.width_y_mm}
-    return form.SensorShape(**widths, layers=_layers(sensor))
+    prior_sd = {"width_x_mm": sensor.width_x_mm, "width_y_mm": sensor.width_y_mm}
+    return form.SensorShape(**prior_sd, layers=_layers(sensor))
 
 
 def _layers(sensor: Sensor | None) -> list[form.Layer]:

@@ -25,7 +25,7 @@ def model_section(problem: Problem, judgement: Judgement) -> form.Model | None:
     return form.Model(
         cause=None if model.module is None or not model.module.named else model.module.name,
         probability=None if model.module is None or not model.module.named else model.probability,
-        words=f"a change of {model.manner}" if model.module is None else in_words(model),
+        words=f"a change of {model.kernel}" if model.module is None else in_words(model),
         beside=[part.name for part in judgement.answered.fit.parts] if model.beside else [],
         largest_N=largest,
         depth_mm=model.span.depth_mm,

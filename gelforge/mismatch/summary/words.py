@@ -70,7 +70,7 @@ def _clause(problem: Problem, answer: Answer, group: Group, brief: bool) -> str:
     if brief:
         return _plain_name(part.name) + (" or another of its line" if len(group.members) > 1 else "")
     said = with_amount(problem.effects[part.name], part.shape, tuple(amounts))
-    if part.switch and "coefficient" not in part.shape:
+    if part.binary and "coefficient" not in part.shape:
         said += "".join(f" ({value})" for value in part.shape.values())
     return said + (" or an indistinguishable cause" if len(group.members) > 1 else "")
 
@@ -86,7 +86,7 @@ def _capital(text: str) -> str:
 def _why_unexplained(judgement: Judgement) -> str:
     """Return why the best answer is none."""
     if judgement.model is not None:
-        return f"a change of {judgement.model.manner} predicts held-out readings"
+        return f"a change of {judgement.model.kernel} predicts held-out readings"
     if judgement.answer is None:
         return "no effect could be fitted"
     if judgement.out_of_range:

@@ -44,7 +44,7 @@ def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[
             if not np.any(columns):
                 continue
             signs = np.array([parameter.sign for parameter in effect.parameters])
-            found.append(Candidate(name, shape, columns, effect.widths, signs, effect.switch))
+            found.append(Candidate(name, shape, columns, effect.prior_sd, signs, effect.binary))
     return found
 
 
@@ -54,7 +54,7 @@ def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
         raise ValueError(f"{effect.name} changes no forces; it has no columns among them")
     columns = []
     for k, parameter in enumerate(effect.parameters):
-        step = 1.0 if effect.switch else UNIT * parameter.width * (parameter.sign or 1)
+        step = 1.0 if effect.binary else UNIT * parameter.width * (parameter.sign or 1)
         amounts = np.zeros(len(effect.parameters))
         amounts[k] = step
         change = effect.to_forces(context, shape, context.force, tuple(amounts)) - context.force

@@ -37,12 +37,14 @@ class Gain:
     standard_error: float  # that noise gives it
     blocks: int
     doubt: float = 0.0  # standard error that the error of the change itself gives it
-    paid: float = 0.0  # what is taken from it as what was held out helped to choose the answer, 0 or less
+    selection_penalty: float = (
+        0.0  # what is taken from it as what was held out helped to choose the answer, 0 or less
+    )
 
     @property
     def clear(self) -> bool:
         """Return whether the gain is more than chance."""
-        return shown(self.total + self.paid, self.standard_error)
+        return shown(self.total + self.selection_penalty, self.standard_error)
 
 
 def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
@@ -135,7 +137,7 @@ def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
     return Gain(total, float(np.sqrt(max(apart, 0.0))), len(after), float(np.sqrt(max(doubt, 0.0))))
 
 
-def paid_for_choice(trained: np.ndarray, by_all: np.ndarray) -> float:
+def selection_penalty_of(trained: np.ndarray, by_all: np.ndarray) -> float:
     """Return what the best of K models has to pay of its gain as the readings held out helped to choose it, 0 or less.
 
     trained, by_all (K,): log evidence by the training readings and by all. The mean of the models' predictive densities,

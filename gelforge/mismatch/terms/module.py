@@ -1,6 +1,6 @@
 """Physics with a free form: maps that no single amount describes, weighed as a discrepancy is.
 
-A module is a manner (unknown.py) whose directions are changes by a cause, a smooth random function with the plausible width
+A module is a kernel (unknown.py) whose directions are changes by a cause, a smooth random function with the plausible width
 of the catalogue's effect that it generalises. The causes are in `free_forms`, one file each.
 """
 
@@ -17,13 +17,13 @@ from gelforge.config import Study
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.terms.unknown import MODES, Manner, modes, product
+from gelforge.mismatch.terms.unknown import MODES, Kernel, modes, product
 
 AXES = "xyz"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Module(Manner):
+class Module(Kernel):
     """A cause with a free form: directions, and the map that its coefficients describe."""
 
     name: str
@@ -36,8 +36,10 @@ class Module(Manner):
     form_of: tuple[str, ...] = ()  # effects of the catalogue that are the same cause in another form
     to_study: Callable[[Study, np.ndarray], Study] | None = None  # with a map (G,) of it
     history: bool = False  # with it every indentation is a path of its own, in time
-    named: bool = True  # False: another known cause changes the readings in such a manner; it is modelled and never named
-    instead: str = ""  # words of the manner of unknown.py that is this cause without its name
+    named: bool = (
+        True  # False: another known cause changes the readings in such a way; it is modelled and never named
+    )
+    instead: str = ""  # words of the kernel of unknown.py that is this cause without its name
 
     @property
     def is_cause(self) -> bool:

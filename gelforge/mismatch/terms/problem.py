@@ -91,7 +91,7 @@ class Problem:
         """Return the candidates that are no data-entry errors."""
         return [one for one in self.candidates if not self.effects[one.name].data_entry_error]
 
-    def believing(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
+    def with_model_error(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
         """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""
         return self.scattering(parts, amounts).erring(parts, amounts)
 
@@ -166,14 +166,14 @@ class Problem:
         """Return whether an effect is solved by the finite elements."""
         return self.effects[part.name].solved
 
-    def drafted(self) -> Problem:
+    def with_linear_history(self) -> Problem:
         """Return the problem with forces that take what is solved in order (softening) for linear.
 
         To follow all indentations anew at every value takes minutes: a fit does so once, about its end.
         """
 
         def forces_with(parts, amounts, rows):
-            slow = [self.effects[part.name].in_order for part in parts]
+            slow = [self.effects[part.name].path_dependent for part in parts]
             if not any(slow):
                 return self.forces_with(parts, amounts, rows)
             others = [(part, a) for part, a, is_slow in zip(parts, amounts, slow) if not is_slow]
@@ -188,9 +188,9 @@ class Problem:
 
         return replace(self, forces_with=forces_with)
 
-    def in_order(self, parts: Sequence[Candidate]) -> bool:
+    def path_dependent(self, parts: Sequence[Candidate]) -> bool:
         """Return whether something that is solved in order is among some effects."""
-        return any(self.effects[part.name].in_order for part in parts)
+        return any(self.effects[part.name].path_dependent for part in parts)
 
     def own(self, part: Candidate) -> Candidate:
         """Return the problem's own candidate of a part's effect and tried shape."""
@@ -221,11 +221,11 @@ class Problem:
         return change
 
 
-def secant(columns: np.ndarray, missing: np.ndarray, step: np.ndarray, widths: np.ndarray) -> np.ndarray:
+def secant(columns: np.ndarray, missing: np.ndarray, step: np.ndarray, prior_sd: np.ndarray) -> np.ndarray:
     """Return columns (n, p) that along a step (p,) change by as much more as was missing (n,).
 
     Of all such columns those nearest to the given ones, in plausible values (Broyden 1965,
     doi:10.1090/S0025-5718-1965-0198670-6).
     """
-    share = step / widths**2
+    share = step / prior_sd**2
     return columns + np.outer(missing, share / (step @ share))

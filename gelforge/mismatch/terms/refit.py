@@ -84,7 +84,7 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, E
     where nothing is solved they are taken anew.
     """
     problem, mask = variables.problem, variables.mask
-    residual, widths, (low, high) = problem.residual[mask], variables.widths, variables.bounds
+    residual, prior_sd, (low, high) = problem.residual[mask], variables.prior_sd, variables.bounds
     J, a = variables.columns(), variables.first()
     covariance, change = variables.covariance(a), variables.change(a)
     free, steps, reach = variables.free, 0, 1.0
@@ -96,10 +96,10 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, E
     if not free.any():
         return a, change, J, End.AT_REST
     while True:
-        cost = _cost(residual - change, a, covariance, widths)
+        cost = _cost(residual - change, a, covariance, prior_sd)
         Jw = covariance.whiten(J[:, free])
-        H = Jw.T @ Jw + np.diag(1 / widths[free] ** 2)
-        gradient = Jw.T @ covariance.whiten(residual - change) - a[free] / widths[free] ** 2
+        H = Jw.T @ Jw + np.diag(1 / prior_sd[free] ** 2)
+        gradient = Jw.T @ covariance.whiten(residual - change) - a[free] / prior_sd[free] ** 2
         enough = np.maximum(ENOUGH * np.sqrt(np.diag(np.linalg.inv(H))), variables.enough[free])
         delta = _step(H, gradient, a[free], low[free], high[free], np.ones(len(gradient), bool))
         # A place at rest stays, and the values are those that fit best there.
@@ -119,13 +119,13 @@ def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, E
                 continue
         if found is None:
             return a, change, J, End.MOVING
-        worse = _cost(residual - found, trial, covariance, widths) - cost
+        worse = _cost(residual - found, trial, covariance, prior_sd) - cost
         if not solved and worse > -ENOUGH:
             # What is computed from images has a grain: nothing better can be seen.
             return a, change, J, End.AT_REST
         if solved:
             step = (trial - a)[free]
-            J[:, free] = secant(J[:, free], found - change - J[:, free] @ step, step, widths[free])
+            J[:, free] = secant(J[:, free], found - change - J[:, free] @ step, step, prior_sd[free])
         else:
             J = _columns_at(variables, trial, found)
         steps += 1
@@ -145,7 +145,7 @@ def _through(
         return J
     J = J.copy()
     J[:, variables.amounts :] *= float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
-    return secant(J, change - linear, a, variables.widths)
+    return secant(J, change - linear, a, variables.prior_sd)
 
 
 def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Variables) -> np.ndarray:
@@ -176,16 +176,16 @@ def _step(
     return step
 
 
-def _cost(left: np.ndarray, a: np.ndarray, covariance: Covariance, widths: np.ndarray) -> float:
+def _cost(left: np.ndarray, a: np.ndarray, covariance: Covariance, prior_sd: np.ndarray) -> float:
     """Return minus the log posterior of variables a (q,) that leave a residual (m,), but for a constant."""
     white = covariance.whiten(left)
-    return 0.5 * float(white @ white + np.sum((a / widths) ** 2))
+    return 0.5 * float(white @ white + np.sum((a / prior_sd) ** 2))
 
 
 def _columns_at(variables: Variables, a: np.ndarray, change: np.ndarray) -> np.ndarray:
     """Return the columns (m, q) [N per unit] at a (q,), whose change is known, by differences."""
     columns = []
-    for k, width in enumerate(variables.widths):
+    for k, width in enumerate(variables.prior_sd):
         beside = a.copy()
         beside[k] += DIFFERENCE * width
         columns.append((variables.change(beside) - change) / (DIFFERENCE * width))
@@ -199,11 +199,11 @@ def _evidence(
 
     Where a value's sign holds it at none, the posterior's slope there says how little of it lies on the allowed side.
     """
-    covariance, widths, signs = variables.covariance(a), variables.widths, variables.signs
+    covariance, prior_sd, signs = variables.covariance(a), variables.prior_sd, variables.signs
     factor = covariance.log_density(left)
     spread = np.zeros((len(a), len(a)))
     if free.any():
-        w = widths[free]
+        w = prior_sd[free]
         Jw = covariance.whiten(J[:, free]) * w
         H = np.eye(len(w)) + Jw.T @ Jw
         inverse = np.linalg.inv(H)

@@ -1,8 +1,8 @@
-"""What no effect of the catalogue is: readings that differ in some smooth manner, weighed beside the effects that are known.
+"""What no effect of the catalogue is: readings that differ by a smooth random function, weighed next to the known effects.
 
 Its change is a random function: of depth, of place, of the session's time, of the indentation's own path, or one for each
 indentation; of the pressing force, of the sideways forces, or of all in proportion. Such a function can follow anything of
-its manner and pays for that (Kennedy & O'Hagan 2001, doi:10.1111/1467-9868.00294): an effect that is right does the same
+its kernel and pays for that (Kennedy & O'Hagan 2001, doi:10.1111/1467-9868.00294): an effect that is right does the same
 with a value or two and is likelier; effects that only happen to fit are not.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.alternatives import WORTH, normalised
+from gelforge.mismatch.evidence.alternatives import TEMPERING, normalised
 from gelforge.mismatch.evidence.covariance import Covariance, Draws
 from gelforge.mismatch.evidence.gaussian import evidence
 from gelforge.mismatch.evidence.screen import SCALES, Candidate, White, chance_of
@@ -34,8 +34,8 @@ DIRECTIONS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Manner:
-    """One manner in which readings may differ for an unknown reason."""
+class Kernel:
+    """One kernel in which readings may differ for an unknown reason."""
 
     words: str
     directions: np.ndarray  # (n, q) [N], a standard deviation of PLAUSIBLE together
@@ -54,7 +54,7 @@ class Manner:
         return ()
 
     def beside(self, covariance: Covariance, scale: float) -> Covariance:
-        """Return the covariance of n entries with this manner at a scale of its plausible size."""
+        """Return the covariance of n entries with this kernel at a scale of its plausible size."""
         if self.each is None:
             return covariance.extended(scale * self.directions)
         *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
@@ -63,7 +63,7 @@ class Manner:
         return replace(covariance, levels=(*finer, wide, alike, common))
 
     def draws(self, covariance: Covariance) -> Draws:
-        """Return the draws of this manner, of which each indentation has its own, at its plausible size."""
+        """Return the draws of this kernel, of which each indentation has its own, at its plausible size."""
         assert self.each is not None
         alike = covariance.levels[-2]
         return Draws(np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each), self.directions)
@@ -75,24 +75,24 @@ class Weighed:
 
     factors: Mapping[
         str, float
-    ]  # by manner, in words: log, against the same without it, averaged over scales
-    priors: Mapping[str, float]  # by manner, log: each cause is as likely as all manners without one together
-    forms: Mapping[str, tuple[str, ...]]  # by manner: effects that are the same cause in another form
+    ]  # by kernel, in words: log, against the same without it, averaged over scales
+    priors: Mapping[str, float]  # by kernel, log: each cause is as likely as all kernels without one together
+    forms: Mapping[str, tuple[str, ...]]  # by kernel: effects that are the same cause in another form
 
     @property
     def log_bayes_factor(self) -> float:
-        """Return the log evidence against the same without it, averaged over manners."""
+        """Return the log evidence against the same without it, averaged over kernels."""
         return float(logsumexp([factor + self.priors[words] for words, factor in self.factors.items()]))
 
     @cached_property
     def shares(self) -> dict[str, float]:
-        """Return the probability of each manner if one of them is there; evidence counts for WORTH."""
+        """Return the probability of each kernel if one of them is there; evidence counts for TEMPERING."""
         return normalised(
-            {words: WORTH * factor + self.priors[words] for words, factor in self.factors.items()}
+            {words: TEMPERING * factor + self.priors[words] for words, factor in self.factors.items()}
         )
 
     @property
-    def manner(self) -> str:
+    def kernel(self) -> str:
         """Return the likeliest, in words."""
         return max(self.shares, key=self.shares.__getitem__)
 
@@ -108,7 +108,7 @@ class Weighed:
 
 def weighed_unknown(
     problem: Problem,
-    manners: Sequence[Manner],
+    kernels: Sequence[Kernel],
     parts: Sequence[Candidate] = (),
     amounts: np.ndarray | None = None,
     left: np.ndarray | None = None,
@@ -121,28 +121,28 @@ def weighed_unknown(
     if len(parts):
         if amounts is None or left is None:
             raise ValueError("what the parts leave is not given; give amounts and left with parts")
-        covariance = problem.believing(parts, amounts).covariance
+        covariance = problem.with_model_error(parts, amounts).covariance
         residual = left + np.column_stack([part.columns for part in parts]) @ amounts
     exact = White.under(covariance, residual, parts)
     model, without, found = _Beside.of(exact, parts), exact.log_evidence(parts), {}
-    for manner in manners:
-        if manner.each is None:
-            directions = covariance.whiten(manner.directions)
+    for kernel in kernels:
+        if kernel.each is None:
+            directions = covariance.whiten(kernel.directions)
             factors = [model.gain(scale * directions) for scale in SCALES]
         else:
-            draws = manner.draws(covariance)
+            draws = kernel.draws(covariance)
             sizes = np.array(SCALES)[:, None] * np.ones(draws.directions.shape[1])
             wider = White.with_draws(covariance, residual, parts, [draws], sizes)
             factors = [white.log_evidence(parts) - without for white in wider]
-        found[manner.words] = float(logsumexp(factors) - np.log(len(factors)))
-    return Weighed(found, log_priors(manners), {manner.words: manner.generalises for manner in manners})
+        found[kernel.words] = float(logsumexp(factors) - np.log(len(factors)))
+    return Weighed(found, log_priors(kernels), {kernel.words: kernel.generalises for kernel in kernels})
 
 
-def log_priors(manners: Sequence[Manner]) -> dict[str, float]:
-    """Return log priors of manners: one share for each cause, and one that all manners without a cause have together."""
-    plain = sum(not manner.is_cause for manner in manners)
-    share = -np.log(len(manners) - plain + (plain > 0))
-    return {manner.words: float(share if manner.is_cause else share - np.log(plain)) for manner in manners}
+def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
+    """Return log priors of kernels: one share for each cause, and one that all kernels without a cause have together."""
+    plain = sum(not kernel.is_cause for kernel in kernels)
+    share = -np.log(len(kernels) - plain + (plain > 0))
+    return {kernel.words: float(share if kernel.is_cause else share - np.log(plain)) for kernel in kernels}
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,26 +151,26 @@ class _Beside:
 
     r: np.ndarray  # (n,) what is read, less what is switched on
     columns: np.ndarray  # (n, p)
-    widths: np.ndarray  # (p,)
+    prior_sd: np.ndarray  # (p,)
     signs: np.ndarray  # (p,)
 
     @classmethod
     def of(cls, exact: White, parts: Sequence[Candidate]) -> _Beside:
         r, kept = exact.r, []
         for part, white in zip(parts, exact.columns):
-            if part.switch:
+            if part.binary:
                 r = r - white.sum(axis=1)
             else:
                 p = white.shape[1]
-                kept.append((white, np.broadcast_to(part.widths, p), np.broadcast_to(part.signs, p)))
+                kept.append((white, np.broadcast_to(part.prior_sd, p), np.broadcast_to(part.signs, p)))
         if not kept:
             return cls(r, np.zeros((len(r), 0)), np.zeros(0), np.zeros(0))
-        columns, widths, signs = zip(*kept)
-        return cls(r, np.column_stack(columns), np.concatenate(widths), np.concatenate(signs))
+        columns, prior_sd, signs = zip(*kept)
+        return cls(r, np.column_stack(columns), np.concatenate(prior_sd), np.concatenate(signs))
 
     @cached_property
     def without(self) -> float:
-        return evidence(self.r, self.columns, self.widths, self.signs)[0]
+        return evidence(self.r, self.columns, self.prior_sd, self.signs)[0]
 
     def gain(self, directions: np.ndarray) -> float:
         """Return the log evidence that directions (n, q), a standard normal draw each, give beside the parts."""
@@ -178,7 +178,7 @@ class _Beside:
         joint = evidence(
             self.r,
             np.column_stack([self.columns, directions]),
-            np.concatenate([self.widths, np.ones(q)]),
+            np.concatenate([self.prior_sd, np.ones(q)]),
             np.concatenate([self.signs, np.zeros(q)]),
         )
         return joint[0] - self.without
@@ -202,31 +202,31 @@ class Span:
         return cls(**{name: (float(values.min()), float(values.max())) for name, values in own.items()})
 
 
-def manners_of(problem: Problem) -> list[Manner]:
-    """Return the manners in which these readings may differ, physics with a free form among them; flow is not."""
+def kernels_of(problem: Problem) -> list[Kernel]:
+    """Return the kernels in which these readings may differ, physics with a free form among them; flow is not."""
     labels = problem.labels
     flow = ~problem.of_force
     own = np.where(flow, 0.0, problem.observations.flat(problem.base))
     pressing = np.where(flow, 0.0, np.abs(problem.base[labels["reading"], 2]))
     press = np.where(flow, -1, np.unique(labels["press"], return_inverse=True)[1].ravel())
-    found = manners(labels, own, pressing, Span.of(labels), press)
+    found = kernels(labels, own, pressing, Span.of(labels), press)
     named = {module.instead for module in problem.modules}
     return [one for one in found if one.words not in named] + [
         _padded(module, len(labels)) for module in problem.modules
     ]
 
 
-def _padded(module: Manner, entries: int) -> Manner:
+def _padded(module: Kernel, entries: int) -> Kernel:
     """Return a module that changes the first of so many entries, the forces; the flow of images it does not change."""
     directions = np.zeros((entries, module.directions.shape[1]))
     directions[: len(module.directions)] = module.directions
     return replace(module, directions=directions)
 
 
-def manners(
+def kernels(
     labels: pd.DataFrame, own: np.ndarray, pressing: np.ndarray, span: Span, press: np.ndarray
-) -> list[Manner]:
-    """Return the manners at n entries: labels as in Observations.labels, own (n,) [N] base force along the entry's axis.
+) -> list[Kernel]:
+    """Return the kernels at n entries: labels as in Observations.labels, own (n,) [N] base force along the entry's axis.
 
     pressing (n,) [N]: size of the pressing force of its reading; press (n,): number of its press.
     """
@@ -239,7 +239,7 @@ def manners(
             else:
                 directions = np.column_stack([(size * (axis == k))[:, None] * profile for k in axes])
             if np.any(directions):
-                found.append(Manner(f"{name} {words}", PLAUSIBLE * directions, press if each else None))
+                found.append(Kernel(f"{name} {words}", PLAUSIBLE * directions, press if each else None))
     return found
 
 

@@ -50,14 +50,14 @@ class Variables:
         return np.cumsum([part.columns.shape[1] for part in self.start.parts])
 
     @cached_property
-    def switch(self) -> np.ndarray:
+    def binary(self) -> np.ndarray:
         """Return (q,) bool: what is on and not fitted."""
-        return self._each("switch", [False for _ in self.moves]).astype(bool)
+        return self._each("binary", [False for _ in self.moves]).astype(bool)
 
     @property
     def free(self) -> np.ndarray:
         """Return (q,) bool: what is fitted."""
-        return ~self.switch
+        return ~self.binary
 
     @property
     def ways(self) -> np.ndarray:
@@ -65,9 +65,9 @@ class Variables:
         return np.array([move.slope for move in self.moves]).reshape(len(self.moves), len(self.mask)).T
 
     @cached_property
-    def widths(self) -> np.ndarray:
+    def prior_sd(self) -> np.ndarray:
         """Return the standard deviations (q,) of the priors; of a place that of an even spread half-way to the next."""
-        return self._each("widths", [move.half / np.sqrt(3) for move in self.moves])
+        return self._each("prior_sd", [move.half / np.sqrt(3) for move in self.moves])
 
     @cached_property
     def signs(self) -> np.ndarray:
@@ -103,7 +103,7 @@ class Variables:
     def first(self) -> np.ndarray:
         """Return (q,) the numbers of the screened answer, within their bounds."""
         a = np.concatenate([self.start.amounts, [move.at for move in self.moves]])
-        return np.where(self.switch, 1.0, np.clip(a, *self.bounds))
+        return np.where(self.binary, 1.0, np.clip(a, *self.bounds))
 
     def columns(self) -> np.ndarray:
         """Return the screen's columns (m, q) [N per unit, N/mm]."""
@@ -127,8 +127,8 @@ class Variables:
 
     def covariance(self, a: np.ndarray) -> Covariance:
         """Return the covariance of the fitted entries, errors of the change at a (q,) included."""
-        believed = self.problem.believing(self.split(a)[0], a[: self.amounts])
-        return believed.covariance.restricted(self.mask)
+        uncertain = self.problem.with_model_error(self.split(a)[0], a[: self.amounts])
+        return uncertain.covariance.restricted(self.mask)
 
     def _each(self, name: str, of_moves: list) -> np.ndarray:
         of_parts = [np.broadcast_to(getattr(part, name), part.columns.shape[1]) for part in self.start.parts]

@@ -13,9 +13,9 @@ from gelforge.mismatch.evidence.screen import (
     Candidate,
     Screened,
     White,
-    believing,
     chance_of,
     screened,
+    with_model_error,
 )
 from gelforge.mismatch.terms.problem import Problem
 
@@ -23,7 +23,7 @@ NOTICED = 0.1  # standard deviations of a change's own error, below which it mov
 FELT_SNR = 0.5  # of a plausible value; below it nothing can be said for or against
 
 
-def those_felt(ranked: Sequence[Screened]) -> list[Screened]:
+def observable_ones(ranked: Sequence[Screened]) -> list[Screened]:
     """Return the effects of which a plausible value is observable in the readings at all.
 
     One that they cannot show has evidence 0, which is no evidence and would win over what they refute.
@@ -69,7 +69,7 @@ def with_form_errors(problem: Problem, judged: Screened, mask: np.ndarray) -> Sc
     exact = White.under(problem.covariance.restricted(mask), residual, judged.parts)
     each = White.with_draws(scattering, residual, judged.parts, draws, sizes)
     found = [
-        believing(
+        with_model_error(
             replace(judged, parts=tuple(replace(part, form_error=error) for part in judged.parts)),
             exact,
             white,

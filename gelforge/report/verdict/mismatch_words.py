@@ -47,14 +47,14 @@ def answer_text(verdict: Verdict) -> str:
             else pretty(name)
             for name in group.names
         ]
-        value = amounts_text(effects[group.members[0]])
+        value = values_text(effects[group.members[0]])
         more = f" or {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
         said = f"{' or '.join(names[:MOST_NAMES])}{more}: {chance_text(group.chance)}"
         lines.append(f"{said}; {pretty(group.members[0])} {value}, 90 % interval" if value else said)
     return "\n".join(lines)
 
 
-def amounts_text(effect: NamedEffect) -> str:
+def values_text(effect: NamedEffect) -> str:
     """Return an effect's values with unit and 90 % interval."""
     return "; ".join(_amount_text(amount) for amount in effect.amounts if amount.name != SWITCH)
 
@@ -108,7 +108,7 @@ def shape_text(shape: Mapping[str, float | str]) -> str:
 
 def value_text(effect: NamedEffect) -> str:
     """Return an effect's values with 90 % interval, and its place, part or time, each on a line."""
-    return unbroken("; ".join(filter(None, (amounts_text(effect), shape_text(effect.shape)))))
+    return unbroken("; ".join(filter(None, (values_text(effect), shape_text(effect.shape)))))
 
 
 def filled(rows: list[dict]) -> pd.DataFrame:
