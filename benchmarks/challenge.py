@@ -3,7 +3,7 @@
 usage: python benchmarks/challenge.py [--recorded results/benchmark] [--simulated results/simulated] [--data data/benchmark]
            [--entries study unet "kernel ridge" my_module:fit ...] [--tasks orbit sensor ...] [--seeds 1 2 3]
        (one thread; after `snakemake` with config/benchmark.yaml and config/simulated.yaml; networks are kept in
-       results/simulated/trained, where `transfer.py` keeps its own)
+       results/trained, those of `transfer.py` and `networks.py` too)
 
 All data is SYNTHETIC. `study` is the network of the task's own study: `unet`, or `unet_inverse` in simulation. An entry of
 your own is a function fit(task, seed) -> predict; docs/learning.md says what it gets.
@@ -34,15 +34,16 @@ sys.path.append(str(Path.cwd()))  # where an entry's module is
 import other_images  # noqa: E402
 import transfer  # noqa: E402
 from force_errors import force_errors  # noqa: E402
+from kept import trained  # noqa: E402
 
 from gelforge.cli.model.learning import inverse_elasticity  # noqa: E402
 from gelforge.config import Learning, Study, load_study, load_virtual_lab  # noqa: E402
 from gelforge.dataset.shard import ShardDataset  # noqa: E402
 from gelforge.learning.basis.data import FEATURE, LABEL, measure_scaling, training_and_validation  # noqa: E402
 from gelforge.learning.judging.baselines import fit_baselines, fit_inverse  # noqa: E402
+from gelforge.learning.models.model_file import load_model  # noqa: E402
 
 Predict = Callable[[np.ndarray], np.ndarray]  # features (n, 2 m) -> forces of bins (n, B, 3) [N]
-KEPT = Path("results/simulated/trained")  # networks, by what decides them; `transfer.py` keeps its own there
 BASELINES = ("ridge", "kernel ridge", "nearest neighbours")
 COLUMNS = (FEATURE, LABEL, "cell", "press", "session", "untouched")
 
@@ -93,8 +94,8 @@ def read(rows: ShardDataset, index: np.ndarray) -> Rows:
 
 def network(task: Task, seed: int, learning: dict) -> Predict:
     described = Learning(**task.study.learning.model_dump(exclude_unset=True) | learning)
-    study = task.study.model_copy(update={"learning": described})
-    return transfer.trained(study, task.shards, seed, KEPT).predict
+    study = task.study.model_copy(update={"learning": described, "seed": seed})
+    return load_model(trained(study, task.shards)[0]).predict
 
 
 def baseline(task: Task, seed: int, name: str) -> Predict:

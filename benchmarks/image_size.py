@@ -78,14 +78,19 @@ def cost(study: Study, session: str) -> float:
     return 1e3 * float(np.median(seconds))
 
 
-def row_at(study: Study, shards: list[Path], seeds: list[int], folder: Path) -> dict[str, float]:
-    """Return a table's row of the study's features: medians over seeds of the errors, and time."""
+def remade(study: Study, shards: list[Path], folder: Path) -> list[Path]:
+    """Return shards with the study's features, made unless they are there."""
     files = made_features(study, folder)
     ours = [folder / shard.name for shard in shards]
     for shard, path in zip(shards, ours):
         if not path.exists():
             with_features(shard, files, path)
-    session = next(iter(files))
+    return ours
+
+
+def row_at(study: Study, ours: list[Path], seeds: list[int], folder: Path) -> dict[str, float]:
+    """Return a table's row of shards with the study's features: medians over seeds of the errors, and time."""
+    session = next(iter(image_sessions(study)))
     errors = []
     for seed in seeds:
         with tempfile.TemporaryDirectory() as run:
@@ -119,7 +124,8 @@ def main() -> None:
         features = Features(**study.features.model_dump() | asked)
         changed = study.model_copy(update={"learning": learning, "features": features})
         folder = arguments.work / case.replace(":", "-")
-        table[case] = row_at(changed, shards, arguments.seeds, folder)
+        ours = shards if features == study.features else remade(changed, shards, folder)
+        table[case] = row_at(changed, ours, arguments.seeds, folder)
     print()
     print(pd.DataFrame(table).to_markdown(floatfmt=".3g"))
 

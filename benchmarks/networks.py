@@ -2,7 +2,8 @@
 
 usage: python benchmarks/networks.py [results/benchmark] [--seeds 1 2 3]
        [--networks unet unet-turned cnn paper paper-converged]
-       (one thread; the benchmark study: three minutes a seed for unet, eight for paper)
+       (one thread; the benchmark study: three minutes a seed for unet, eight for paper; trained networks are kept in
+       results/trained)
 
 Prints a Markdown table: medians over seeds, which also draw the validation orbits. `paper` takes as many steps as
 the study's rows allow in minutes, `paper-converged` those of the article.
@@ -17,15 +18,14 @@ for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
 
 import argparse  # noqa: E402
 import tempfile  # noqa: E402
-import time  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import pandas as pd  # noqa: E402
+from kept import trained  # noqa: E402
 
 from gelforge.config import Learning, Study, load_study  # noqa: E402
 from gelforge.learning.judging.evaluation import baselines_table, reliability_table, rmse_table  # noqa: E402
 from gelforge.learning.judging.predictions import LearningSets, Predictions, predict_test_rows  # noqa: E402
-from gelforge.learning.training.train import Run, train  # noqa: E402
 
 NETWORKS = {
     "unet": {},
@@ -38,11 +38,9 @@ USUAL = [name for name in NETWORKS if name != "paper-converged"]
 
 
 def judged(study: Study, shards: list[Path], folder: Path) -> dict[str, float]:
-    """Return figures of a network that is trained on the training rows, all on the test rows."""
-    model, predicted = folder / "model.pt", folder / "predictions.h5"
-    started = time.process_time()
-    train(study, shards, model, folder / "loss.csv", Run(threads=1))
-    seconds = time.process_time() - started
+    """Return figures of a network that is trained on the training rows, all on the test rows; a folder takes predictions."""
+    model, seconds = trained(study, shards)
+    predicted = folder / "predictions.h5"
     predict_test_rows(model, LearningSets.of(shards), study, predicted, threads=1)
     predictions = Predictions(predicted)
     rmse = rmse_table(predictions).set_index("error")

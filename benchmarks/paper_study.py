@@ -25,11 +25,18 @@ BARS = ["total_sigma_mesh_N"]
 
 
 def job(path: Path) -> dict:
-    """Return start and end [s since 1970], seconds and memory [MB] of the job that a benchmark file measured."""
+    """Return start, end [s since 1970], wall and CPU seconds and memory [MB] of the job that a benchmark file measured."""
     table = pd.read_csv(path, sep="\t", na_values=["-", "NA"])
     seconds, end = float(table["s"].iloc[-1]), path.stat().st_mtime
     memory = pd.to_numeric(table["max_rss"], errors="coerce").max()
-    return {"start": end - seconds, "end": end, "job_s": seconds, "memory_MB": float(memory)}
+    cpu = float(table["cpu_time"].iloc[-1])
+    return {
+        "start": end - seconds,
+        "end": end,
+        "job_s": seconds,
+        "job_cpu_s": cpu,
+        "memory_MB": float(memory),
+    }
 
 
 def kind(planned: PlannedCell) -> str:
@@ -100,6 +107,7 @@ def facts(cells: pd.DataFrame, places: pd.DataFrame, bulk: pd.DataFrame, cores: 
         ("worst force balance", f"{cells.balance.max():.0e}"),
         ("wall, first job's start to last job's end", f"{wall / 60:.1f} min"),
         ("seconds of all jobs / cores / wall", f"{busy / cores / wall:.2f}"),
+        ("CPU of all jobs, Snakemake's own process aside", f"{jobs['job_cpu_s'].sum() / 60:.1f} min"),
         ("CPU in solving", f"{cpu.sum() / 60:.1f} min"),
         ("CPU of a solved cell, median (largest)", _median(cpu, "{:.1f} s")),
         ("job of a solved cell, median (largest)", _median(of_jobs, "{:.1f} s")),
@@ -171,7 +179,7 @@ def main() -> None:
 
 def _with_columns(cells: pd.DataFrame) -> pd.DataFrame:
     """Return the table with the columns of a run that measured and solved everything; empty where this one did not."""
-    of_jobs = ["kind", "start", "end", "job_s", "memory_MB"]
+    of_jobs = ["kind", "start", "end", "job_s", "job_cpu_s", "memory_MB"]
     of_cells = ["seconds", "cpu_seconds", "degrees_of_freedom", "iterations", "balance"]
     return cells.reindex(
         columns=[*cells.columns, *(name for name in of_jobs + of_cells if name not in cells)]

@@ -206,9 +206,10 @@ def write_study(state: Path, study: dict) -> None:
     (state / "speed.yaml").write_text(json.dumps(study))  # JSON is YAML
 
 
-def table_of(rows: list[Row], states: dict[str, Path]) -> pd.DataFrame:
-    """Return the table: per row the median of each state, and how many times the first is the last."""
-    lines = []
+def print_table(rows: list[Row], states: dict[str, Path]) -> None:
+    """Print row by row the median of each state, and how many times the first is the last."""
+    heads = ["", *states, *(["before / now"] if len(states) == 2 else [])]
+    print(f"| {' | '.join(heads)} |\n|:--|{'--:|' * (len(heads) - 1)}", flush=True)
     total = sum(row.rounds for row in rows) * len(states)
     with Progress("measurements", total) as progress:
         for row in rows:
@@ -217,8 +218,8 @@ def table_of(rows: list[Row], states: dict[str, Path]) -> pd.DataFrame:
                 for name, state in states.items():  # in turn
                     found[name].append(row.measure(state))
                     progress.advance(note=row.name)
-            lines.append({"": f"{row.name} [{row.unit}]"} | line_of(found))
-    return pd.DataFrame(lines)
+            words = line_of(found)
+            print(f"| {row.name} [{row.unit}] | {' | '.join(words.values())} |", flush=True)
 
 
 def line_of(found: dict[str, list[float | None]]) -> dict[str, str]:
@@ -264,7 +265,7 @@ def main() -> None:
         states["now"] = state_now(Path(temporary, "now"))
         for state in states.values():  # compiles
             cost_of(["gelforge", "warm-up"], state, CHECKED_S)
-        print(table_of(rows, states).to_markdown(index=False, disable_numparse=True, colalign=("left",)))
+        print_table(rows, states)
     for reason in dict.fromkeys(measured.refused):
         print(f"- {reason}")
     if options.before:

@@ -4,7 +4,7 @@ usage: python benchmarks/transfer.py [results/simulated] [--recorded results/ben
        [--seeds 1 2 3] [--unseen-edges]
        (one thread; after `snakemake --configfile config/simulated.yaml`; the other sensor is solved once,
        ten CPU seconds an indentation, and kept in results/simulated/other_sensor; trained networks are kept
-       in results/simulated/trained, and an interrupted training goes on)
+       in results/trained, and an interrupted training goes on)
 
 All data is SYNTHETIC. The other sensor has a gel 12 % stiffer, another mesh, particles, camera and light than the training
 set, and is pressed by unseen shapes too: a wedge from a file, and edges with --unseen-edges, which
@@ -25,16 +25,14 @@ from pathlib import Path  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from force_errors import force_errors  # noqa: E402
+from kept import trained  # noqa: E402
 
-from gelforge.cli.model.learning import inverse_elasticity  # noqa: E402
 from gelforge.config import Study, load_study  # noqa: E402
 from gelforge.dataset.shard import ShardDataset, shard_attributes  # noqa: E402
-from gelforge.files import digest  # noqa: E402
 from gelforge.learning.basis.data import FEATURE, LABEL  # noqa: E402
 from gelforge.learning.judging.evaluation import CONTACT_N, LIGHT_N  # noqa: E402
 from gelforge.learning.models.model_file import Model, load_model  # noqa: E402
 from gelforge.learning.training.adaptation import Presses, adapt, measured_presses, press_names  # noqa: E402
-from gelforge.learning.training.train import Run, model_settings, train  # noqa: E402
 from gelforge.materials.fitting.law_file import read_law  # noqa: E402
 from gelforge.mechanics.laws.models.ogden import Ogden  # noqa: E402
 from gelforge.synthesis.draws import drawn_path, shard_count, site_places  # noqa: E402
@@ -151,17 +149,6 @@ class Rows:
         )
 
 
-def trained(study: Study, shards: list[Path], seed: int, folder: Path) -> Model:
-    """Return the network of a study, trained on shards; kept in a folder by what decides it."""
-    changed = study.model_copy(update={"seed": seed})
-    path = folder / f"{digest(model_settings(changed, shards))}.pt"
-    if not path.is_file():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        inverse = inverse_elasticity(changed, shards)
-        train(changed, shards, path, path.with_suffix(".csv"), Run(threads=1), inverse)
-    return load_model(path)
-
-
 def on_recordings(model: Model, tested: Rows, readings: Presses, seed: int, grid: tuple) -> dict[str, float]:
     """Return a model's errors on recorded rows against labels, and of totals against readings before and after presses."""
     row = tested.errors(model, np.ones(len(tested.cell), bool), grid)
@@ -235,8 +222,11 @@ def main() -> None:
             ("trained on recordings", recorded, shards),
             ("trained in simulation", study, simulated),
         ):
-            model = trained(described, learnt, seed, arguments.results / "trained")
-            on_rows[name].append(on_recordings(model, tested, readings, seed, grid))
+            seeded = described.model_copy(update={"seed": seed})
+            path, seconds = trained(seeded, learnt)
+            model = load_model(path)
+            row = on_recordings(model, tested, readings, seed, grid) | {"training CPU [s]": seconds}
+            on_rows[name].append(row)
             on_sensor[name].append(on_other(model, other, seed, grid))
             print(f"{name}, seed {seed}: {on_rows[name][-1]}", flush=True)
     print(f"\n{len(ShardDataset(simulated))} simulated rows; recorded test rows of {arguments.recorded}:\n")

@@ -38,7 +38,7 @@ ROOMS = {
     "mismatch": (
         *("readings", "model", "result", "evidence", "effects", "terms", "free_forms"),
         *("goodness", "inference"),
-        *("fem", "images", "material", "summary", "pipeline"),
+        *("fem", "images", "summary", "material", "pipeline"),
     ),
     "config": ("basis", "parts", "sessions", "studies", "foreign"),
     "indentation": ("sensor", "paths", "effects", "cells", "planning", "solving"),

@@ -1,4 +1,4 @@
-"""Every pooled number of docs/validation.md, from the archived verdicts (judged/SET.tar.xz) and the truths (truths.jsonl).
+"""Every pooled rate of verdicts on sealed sets, from the archived verdicts (judged/SET.tar.xz) and truths (truths.jsonl).
 
 Nothing is generated, solved or judged for it, and FElupe is not needed. Of every archive the verdicts' seals are checked,
 and that each truth is the one that was sealed. A set whose archive or truths are not there is left out and named. SYNTHETIC.

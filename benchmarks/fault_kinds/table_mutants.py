@@ -210,6 +210,24 @@ def saturated(table: Table, rng) -> Mutant:
     )
 
 
+def falls_early(table: Table, rng) -> Mutant:
+    """Let a specimen break after a few rows: the force of a test machine is a hundredth from there on."""
+    names = [name for name in ("force_N", "Kraft") if name in table.header]
+    column = table.header.index(names[0]) if names else table.column(rng)
+    row = int(rng.integers(2, max(3, len(table.rows) // 4)))
+    content = table.changed(
+        [column], range(row, len(table.rows)), lambda text: table.number(text, lambda value: 0.01 * value)
+    )
+    return Mutant(content, f"{table.header[column]} falls to a hundredth after {row} rows", not names)
+
+
+def unit_in_the_header(table: Table, rng) -> Mutant:
+    """Write a unit behind the name of a column, as machines do; often another than the file's."""
+    column, unit = table.column(rng), ("s", "N", "mm", "Nm", "counts/N")[rng.integers(5)]
+    header = [*table.header[:column], f"{table.header[column]} ({unit})", *table.header[column + 1 :]]
+    return Mutant(table.text(header), f"{header[column]} in the header")
+
+
 def separator_too_many(table: Table, rng) -> Mutant:
     row, before = int(rng.integers(len(table.rows))), int(rng.integers(len(table.header) + 1))
     rows = [list(cells) for cells in table.rows]
@@ -244,6 +262,8 @@ MUTATIONS: dict[str, Callable[[Table, np.random.Generator], Mutant]] = {
     "times of a clock": clock,
     "stacked tables": stacked,
     "saturated": saturated,
+    "falls early": falls_early,
+    "unit in the header": unit_in_the_header,
     "separator too many": separator_too_many,
     "byte inserted": damaged,
 }

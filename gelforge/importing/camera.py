@@ -19,7 +19,7 @@ from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.streams import refuse_gaps, refuse_other_unit
 from gelforge.importing.time_stamps import stamps, units_of
 from gelforge.progress import Progress
-from gelforge.recording.imaging.frames import SUFFIXES, by_number
+from gelforge.recording.imaging.frames import SUFFIXES, images_in
 from gelforge.recording.imaging.images import refuse_turned
 from gelforge.units import UNITS, known_unit
 
@@ -120,7 +120,7 @@ def _frames(path: Path, topic: str | None) -> Iterator[tuple[str, float, np.ndar
     if topic:
         raise ImportingError(f"{path}: no bag or MCAP file, camera.topic does not apply; leave it out")
     if path.is_dir():
-        files = sorted((p for p in path.iterdir() if p.suffix.lower() in SUFFIXES), key=by_number)
+        files = images_in(path)
         if not files:
             raise ImportingError(
                 f"{path}: no images ({', '.join(sorted(SUFFIXES))}) in this folder; correct camera.frames"

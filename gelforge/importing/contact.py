@@ -3,7 +3,7 @@ r"""The contact point of an indentation: where the force begins to follow the tr
 .. math:: F(s) = F_0 + k \, \max(s - s_0, 0)^n
 
 on the loading ramp, every s_0 and n tried, F_0 and k by least squares. The interval holds every s_0 whose sum of squares is
-within chi-square's 95 % of the least, the noise's correlation counted. A power of depth is a model, the better the less
+within the F test's 95 % of the least, the noise's correlation counted. A power of depth is a model, the better the less
 deep: the lower half and quarter of the ramp take the place of the whole where they are precise or deny it, and what they
 disagree by is added.
 """
@@ -13,11 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import f as f_law
 
 EXPONENTS = np.arange(0.8, 2.61, 0.1)
 PLACES = 81
 MOST_SAMPLES = 200
-CHI2_95 = 3.84
 SHARES = (1.0, 0.5, 0.25)  # of the depth that are fitted, in turn
 GOOD_MM = 0.01  # half an interval that is precise
 LEAST_MODEL_MM = 0.004  # encoders, and relaxation while loading
@@ -90,7 +90,8 @@ def _fit(travel, push, start, end, guess, depth) -> Contact | None:
     model = rest[i, j] + scale[i, j] * np.maximum(s - places[i], 0) ** EXPONENTS[j]
     noise = f - model
     free = max(len(s) - 4, 1)
-    within = profile - profile[i] <= CHI2_95 * _inflation(noise) * profile[i] / free
+    # F's 95 %: the noise is estimated from the few samples themselves
+    within = profile - profile[i] <= f_law.ppf(0.95, 1, free) * _inflation(noise) * profile[i] / free
     inside = places[within]
     return Contact(float(places[i]), float(inside.min()), float(inside.max()), float(rest[i, j]), float(scale[i, j]),
                    float(EXPONENTS[j]))  # fmt: skip

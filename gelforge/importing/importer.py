@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Session, section_from
-from gelforge.config.foreign.importing import Clock, ImportMapping, Surface, load_import
+from gelforge.config.foreign.importing import Clock, ImportMapping, StageSource, Surface, load_import
 from gelforge.importing.camera import Film, read_film
 from gelforge.importing.clocks import Match, coarse_match
 from gelforge.importing.presses import Presses, depth_zero_mm, find_presses
@@ -83,22 +83,32 @@ class Imported:
         return pd.DataFrame(rows)
 
 
-def import_logs(mapping_file: str | Path, name: str) -> Imported:
-    """Return what the logs that a mapping describes hold, as a session of this name. Raises ImportingError and others."""
+def import_logs(mapping_file: str | Path, name: str, data: Path | None = None) -> Imported:
+    """Return what the logs that a mapping describes hold, as a session of this name. Raises ImportingError and others.
+
+    data: folder of the logs; None: that of the mapping.
+    """
     path = Path(mapping_file)
-    mapping, folder = load_import(path), path.parent
+    mapping, folder = load_import(path), data or path.parent
     session = _session(mapping, name, {}, str(path))  # refused before anything is read
     stage = read_stage(folder, mapping.stage, mapping.force)
     force = read_force(folder, mapping.force, mapping.stage)
     film = read_film(folder, mapping.camera) if mapping.camera else None
     found = excursions(stage.time_s, stage.values, mapping.least_retreat_mm, mapping.least_dwell_s)
     push = -force_on_sensor(force.values, session.force)[:, 2]
-    clock = _aligned(stage, found, force, push, mapping.force, "force", None)
+    clock = _aligned(stage, found, force, push, mapping.force, "force", None, mapping.stage)
     force_s, camera_clock, frames = clock.law.on_stage(force.time_s), None, None
     if film and mapping.camera:
         source = Stream(film.path, film.start_s, film.time_s, film.change[:, None])
         camera_clock = _aligned(
-            stage, found, source, film.change, mapping.camera, "camera", clock.match.contact_mm
+            stage,
+            found,
+            source,
+            film.change,
+            mapping.camera,
+            "camera",
+            clock.match.contact_mm,
+            mapping.stage,
         )
         frames = Frames(film, camera_clock.law.on_stage(film.time_s))
     presses = find_presses(
@@ -111,7 +121,7 @@ def import_logs(mapping_file: str | Path, name: str) -> Imported:
         mapping.skip,
         mapping.incomplete == "drop",
     )
-    zero = depth_zero_mm(presses.kept, mapping.depth_zero, mapping.stage.pressing)
+    zero = depth_zero_mm(presses.kept, mapping.depth_zero, mapping.stage.pressing, mapping.contact_within_mm)
     deep = np.array([press.top_mm[2] for press in presses.kept]) - zero
     if deep.min() <= 0:
         press = presses.kept[int(deep.argmin())]
@@ -163,6 +173,7 @@ def _aligned(
     clock: Clock,
     key: str,
     level: float | None,
+    stage_clock: StageSource,
 ) -> Aligned:
     """Return the clock of a log whose signal (n,) grows with depth."""
     what, start = str(log.path), log.start_s - stage.start_s
@@ -178,8 +189,14 @@ def _aligned(
     match = coarse_match(stage.time_s, travel, log.time_s, signal, what, key, start, known, refine)
     contact = match.contact_mm if level is None else level
     bends = find_bends(stage.time_s, travel, found, log.time_s, signal, match, contact)
-    stamps = None if clock.rate_hz or clock.even else (log.time_s, stage.time_s)
+    # of a log without stamps of its own None: rows of it may be lost without a trace
+    stamps = (log.time_s if stamped(clock) else None, stage.time_s if stamped(stage_clock) else None)
     return Aligned(match, clock_law(bends, known, clock.drift, what, key, stamps), bends, start)
+
+
+def stamped(clock: Clock | StageSource) -> bool:
+    """Return whether each row of a log has a time stamp of its own."""
+    return not (clock.rate_hz or clock.even or getattr(clock, "gcode", None))
 
 
 def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:
@@ -193,7 +210,9 @@ def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:
             "press_scatter_mm": round(own, 5),
         }
     spread = float(np.std(found, ddof=1)) if len(found) > 1 else own
-    keys = {"by": "session", "press_scatter_mm": round(spread, 5)}
+    # What the points scatter by beyond the errors they were found with is that of the surface and the stage.
+    beyond = max(spread**2 - own**2, spread**2 / len(found))
+    keys = {"by": "session", "press_scatter_mm": round(float(np.sqrt(beyond)), 5)}
     if isinstance(mapping.depth_zero, Surface):
         return keys | {"how": f"the laboratory's own, at {mapping.depth_zero.at_mm:g} mm of the stage"}
     how = f"median contact point of {len(found)} indentations, from force over travel"

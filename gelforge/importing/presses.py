@@ -11,7 +11,7 @@ from gelforge.importing.clocks import rise, runs_above
 from gelforge.importing.contact import Contact, contact_point
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion, Wait
-from gelforge.importing.streams import Stream
+from gelforge.importing.streams import Stream, gap_limit_s
 
 SMOOTH_S = 0.02
 NOISE = 6.0  # standard deviations of the smoothed force that are no accident
@@ -26,7 +26,7 @@ SLIP_S, SLIP = (
     0.1,
     0.3,
 )  # of the indentation's largest force, lost within so long while the stage does not retreat
-WIDEST_MM = 0.1  # half of a contact point's interval, and contact points off their median
+WIDEST_MM = 0.1  # half of a contact point's interval, where each indentation has its own depth zero
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,7 @@ def find_presses(
     merged = _merged(stage, found, force_s, smooth, threshold)
     travel_at = np.interp(force_s, stage.time_s, stage.values[:, 2])
     kept, left_out, untouched, number, before_s = [], [], [], 0, -np.inf
+    gaps = np.flatnonzero(np.diff(force_s) > gap_limit_s(force_s))  # rows before them
     for excursion in merged:
         start, end = stage.time_s[excursion.first], stage.time_s[excursion.last]
         a, b = np.searchsorted(force_s, [start, end])
@@ -97,6 +98,11 @@ def find_presses(
             raise ImportingError(f"{at}: {cut}; set incomplete: drop to leave it out, or use the whole log")
         else:
             rows = slice(touches[0][0], touches[-1][1] + 1)
+            if gap := [k for k in gaps if rows.start <= k < rows.stop - 1]:
+                raise ImportingError(
+                    f"{at}: no row between {force_s[gap[0]]:.2f} and {force_s[gap[0] + 1]:.2f} s, while it is pressed;"
+                    f" leave it out with skip: [{number}]"
+                )
             _refuse_slip(at, number, stage, excursion, force_s[rows], smooth[rows], travel_at[rows])
             kept.append(
                 _press(
@@ -108,7 +114,7 @@ def find_presses(
                     push,
                     travel_at,
                     rows,
-                    max(before_s + AFTER_S, start),
+                    max([before_s + AFTER_S, start, *force_s[gaps[gaps < rows.start] + 1]]),
                 )
             )
         if touches:
@@ -117,7 +123,7 @@ def find_presses(
         raise ImportingError(f"skip names {unknown}, there are indentations 1 to {number}; correct skip")
     if not kept:
         raise ImportingError(
-            f"no indentation is left of {number}; correct skip, or check force.columns and stage.z"
+            f"none of {number} indentations is left; correct skip, or check force.columns and stage.z"
         )
     return Presses(tuple(kept), tuple(left_out), tuple(untouched), smooth, threshold)
 
@@ -205,8 +211,14 @@ def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s)
     rising = force_s[ramp][travel_at[ramp] >= contact.travel_mm]
     touch_s = float(rising[0]) if len(rising) else guess_s
     waits = tuple(w for w in inside if w.travel_mm > contact.travel_mm)
-    clear = force_s[(force_s >= from_s) & (force_s <= touch_s - CLEAR_S)]
-    clear = clear[np.interp(clear, time, travel) < contact.low_mm - CLEAR_MM]
+    before_touch = force_s[(force_s >= from_s) & (force_s <= touch_s - CLEAR_S)]
+    for level in (
+        contact.low_mm,
+        contact.travel_mm,
+    ):  # of a noisy force the interval may reach back to the beginning
+        clear = before_touch[np.interp(before_touch, time, travel) < level - CLEAR_MM]
+        if len(clear) and clear[-1] - clear[0] >= LEAST_ZERO_S:
+            break
     if not len(clear) or clear[-1] - clear[0] < LEAST_ZERO_S:
         raise ImportingError(
             f"{at}: no rest of {LEAST_ZERO_S} s before contact in which the force is zero; leave it out with"
@@ -228,11 +240,13 @@ def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s)
     )
 
 
-def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray:
+def depth_zero_mm(
+    presses: tuple[Press, ...], rule, pressing: str, within_mm: float = WIDEST_MM
+) -> np.ndarray:
     """Return the travel (P,) [mm] at depth zero of each indentation. Raises ImportingError where contact points deny the
     rule.
 
-    rule: `session`, `press`, or a surface `at_mm` on the axis that presses.
+    rule: `session`, `press`, or a surface `at_mm` on the axis that presses. within_mm: of their median, and of that surface.
     """
     found = np.array([press.contact.travel_mm for press in presses])
     if rule == "press":
@@ -247,14 +261,17 @@ def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray
         return found
     middle = float(np.median(found))
     k = int(np.abs(found - middle).argmax())
-    if abs(found[k] - middle) > WIDEST_MM:
-        one = np.abs(np.delete(found, k) - middle).max(initial=0.0) <= WIDEST_MM
+    if abs(found[k] - middle) > within_mm:
+        one = np.abs(np.delete(found, k) - middle).max(initial=0.0) <= within_mm
+        known = (presses[k].contact.high_mm - presses[k].contact.low_mm) / 2
         raise ImportingError(
             f"contact points lie up to {abs(found[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
-            f" {presses[k].top_s:.1f} s), the limit is {WIDEST_MM} mm: "
+            f" {presses[k].top_s:.1f} s), the limit is {within_mm:g} mm: "
             + (
                 f"leave it out with skip: [{presses[k].number}], or set depth_zero: press"
                 if one
+                else f"the force is noisy (this one is known to {known:.2g} mm): set contact_within_mm"
+                if known > within_mm
                 else "the surface is curved or tilted, or x, y, z are of another frame: set depth_zero: press, or correct"
                 " stage.z"
             )
@@ -263,9 +280,9 @@ def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray
         return np.full(len(presses), middle)
     sign = -1 if pressing == "-z" else 1
     declared = sign * rule.at_mm
-    if abs(declared - middle) > WIDEST_MM:
+    if abs(declared - middle) > within_mm:
         raise ImportingError(
-            f"depth_zero.at_mm {rule.at_mm:g}, the force begins at {sign * middle:.3f} mm (median),"
-            f" the limit is {WIDEST_MM} mm between them; correct at_mm, or set depth_zero: session"
+            f"depth_zero.at_mm is {rule.at_mm:g} mm, but the force begins at {sign * middle:.3f} mm (median), more than"
+            f" {within_mm:g} mm away; correct at_mm, or set depth_zero: session"
         )
     return np.full(len(presses), declared)

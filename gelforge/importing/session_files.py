@@ -18,6 +18,7 @@ from gelforge.indentation.paths.places import POSITION_MATCH_MM, gaps_to, within
 
 ZERO_ROWS = 3
 LEAVING_S = 0.03  # before the stage leaves, no reading
+CLEAR_OF_TOP_MM = 0.05  # of readings on a ramp, which ends in one of its own
 COLUMNS = ["press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm", "speed_mm_per_s", "dwell_s",
            "fx_N", "fy_N", "fz_N", "image"]  # fmt: skip
 FORCE = ["fx_N", "fy_N", "fz_N"]
@@ -84,7 +85,8 @@ def _rows(
         at = press.top_s
         if frames:
             frame, at = frames.near(press.top_s)
-        rows.append(_row("load", at, xy, press.top_mm[2] - zero, frame=frame))
+        loading, unloading = _ramp_rows(press, zero, stage, xy, mapping.ramp_depths_mm)
+        rows += [*loading, _row("load", at, xy, press.top_mm[2] - zero, frame=frame), *unloading]
     deepest, sideways = -np.inf, False
     for wait in press.waits:
         depth = round(wait.travel_mm - zero, 3)
@@ -104,6 +106,25 @@ def _rows(
 def place_of(press: Press) -> np.ndarray:
     """Return where an indentation was made (2,) [mm], as the stage logged it: at its first wait, else at its deepest."""
     return (press.waits[0].at_mm if press.waits else press.top_mm)[:2]
+
+
+def _ramp_rows(press: Press, zero: float, stage: Stream, xy, depths_mm: list[float]) -> tuple[list, list]:
+    """Return the readings of loading and of unloading where the stage passes depths, without those near the deepest."""
+    out: tuple[list[dict], list[dict]] = ([], [])
+    first, top, last = press.excursion.first, press.excursion.top, press.excursion.last
+    ways = ((np.arange(first, top + 1), "load", 1), (np.arange(top, last + 1), "unload", -1))
+    for (number, phase, sign), rows in zip(ways, out, strict=True):
+        time, depth = stage.time_s[number], sign * (stage.values[number, 2] - zero)
+        pressed = sign * depth > 0
+        speed = np.polyfit(time[pressed], depth[pressed], 1)[0] if pressed.sum() > 1 else np.nan
+        for wanted in sorted(sign * d for d in depths_mm if d < press.top_mm[2] - zero - CLEAR_OF_TOP_MM):
+            k = int((depth >= wanted).argmax())  # the first row at or beyond it
+            if not k or not depth[k] >= wanted:
+                continue
+            at = np.interp(wanted, depth[k - 1 : k + 1], time[k - 1 : k + 1])
+            if at < press.end_s:
+                rows.append(_row(phase, at, xy, sign * wanted, speed))
+    return out
 
 
 def _row(phase, at, xy, depth, speed=np.nan, dwell=np.nan, frame=None) -> dict:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,7 +23,10 @@ LEAST_ROWS = 20
 JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0  # from row to row, and so fast: no stage or robot that presses gels
 GAP_PERIODS = 10.0  # of a log without samples, and at least GAP_S: no clock can be aligned across it
 GAP_S = 0.5
-COUNTS = re.compile(r"counts?\s*(?:per|/)\s*(?:unit\s*)?(?:force|N|newton)[^\d-]*([\d.eE+]+)", re.IGNORECASE)
+COUNTS = re.compile(  # to a unit of force, not of torque: N m, N-m, Nmm
+    r"counts?\s*(?:per|/)\s*(?:unit\s*)?(?:force|newtons?|N)\b(?![\s*·⋅.-]*m{1,2}\b)[^\d-]*([\d.eE+]+)",
+    re.IGNORECASE,
+)
 FORCE_UNIT = re.compile(r"force\s*units?\W+([A-Za-z]+)", re.IGNORECASE)
 MOST_LINES_ABOVE = 100  # of a header
 
@@ -77,12 +81,17 @@ def counts_above_header(path: Path, source: ForceSource, values: np.ndarray) -> 
 def read_stage(folder: Path, source: StageSource, force: ForceSource) -> Stream:
     """Return the stage log (n, 3): x, y and travel [mm], which grows as the stage presses deeper."""
     units = dict.fromkeys(_columns(source), source.unit)
-    log = _read(folder, source, "stage", units, force)
-    columns = dict(zip(units, log.values.T))
-    x, y = (
-        columns[axis] if isinstance(axis, str) else np.full(len(log.time_s), axis)
-        for axis in (source.x, source.y)
-    )
+    polar = source.polar
+    log = _read(folder, source, "stage", units, force, [polar.angle] if polar else [])
+    columns = dict(zip([*units, polar.angle] if polar else units, log.values.T))
+    if polar:
+        angle = np.deg2rad(columns[polar.angle])
+        x, y = columns[polar.radius] * np.cos(angle), columns[polar.radius] * np.sin(angle)
+    else:
+        x, y = (
+            columns[axis] if isinstance(axis, str) else np.full(len(log.time_s), axis)
+            for axis in (source.x, source.y)
+        )
     travel = columns[source.z] * (-1 if source.pressing == "-z" else 1)
     xyz = np.stack([x, y, travel], axis=1)
     refuse_jumps(log.path, log.time_s, xyz)
@@ -92,7 +101,8 @@ def read_stage(folder: Path, source: StageSource, force: ForceSource) -> Stream:
 def _columns(source: ForceSource | StageSource) -> list[str]:
     if isinstance(source, ForceSource):
         return source.columns
-    return [name for name in (source.x, source.y, source.z) if isinstance(name, str)]
+    named = (source.polar.radius, source.z) if source.polar else (source.x, source.y, source.z)
+    return [name for name in named if isinstance(name, str)]
 
 
 def _read(
@@ -101,12 +111,14 @@ def _read(
     key: str,
     units: dict[str, str],
     other: ForceSource | StageSource,
+    plain: Sequence[str] = (),
 ) -> Stream:
+    """Return a log with the columns of `units`, in mm and N, then the plain ones as they are."""
     path = folder / source.file
     refuse_pickle(path)
     for name, unit in units.items():
         refuse_other_unit(path, name, unit, key)
-    numbers, texts = list(units), []
+    numbers, texts = [*units, *plain], []
     declared = dict(units)
     if source.time and source.time.is_date:
         texts += source.time.columns
@@ -122,9 +134,18 @@ def _read(
         )
     made = source.gcode if isinstance(source, StageSource) else None
     time = stamps(path, table, source.time, (made or source).rate_hz, source.even, key)
-    refuse_gaps(path, time, key)
+    if not without_lag(source, other):
+        refuse_gaps(path, time, key)
     factor = UNITS[known_unit(next(iter(units.values())))][1]
-    return Stream(path, float(time[0]), time - time[0], table[list(units)].to_numpy(float) * factor)
+    values = [table[list(units)].to_numpy(float) * factor, table[list(plain)].to_numpy(float)]
+    return Stream(path, float(time[0]), time - time[0], np.hstack(values))
+
+
+def without_lag(one: ForceSource | StageSource, other: ForceSource | StageSource) -> bool:
+    """Return whether force and stage are columns of one table whose lag is given: no clock is aligned across its gaps."""
+    given = any(isinstance(source, ForceSource) and source.lag_s is not None for source in (one, other))
+    same = ("file", "table", "rows", "topic", "time", "rate_hz", "even")
+    return given and not one.topic and all(getattr(one, key) == getattr(other, key) for key in same)
 
 
 def _table(folder, path, source, other, key, units, declared, numbers, texts) -> pd.DataFrame:
@@ -140,7 +161,8 @@ def _table(folder, path, source, other, key, units, declared, numbers, texts) ->
     try:
         # A table of several topics has rows without any of these values. Where rows stand for the time each one counts.
         counted = source.rate_hz or source.even
-        form = source.table.csv_form(declared, shared_with=() if counted else tuple(units))
+        filters = tuple(row.filter for row in source.rows)
+        form = source.table.csv_form(declared, filters, () if counted else tuple(units))
         return read_csv(path, numbers=numbers, texts=texts, form=form)
     except TableError as error:
         elsewhere, other_key = folder / other.file, "stage" if key == "force" else "force"
@@ -159,8 +181,10 @@ def _table(folder, path, source, other, key, units, declared, numbers, texts) ->
 
 def refuse_other_unit(path: Path, column: str, unit: str, key: str) -> None:
     """Raise ImportingError where the name of a column ends in another unit than the declared one."""
-    found = unit_in_header(column)
-    if found and found != unit_named(unit):
+    found, declared = unit_in_header(column), unit_named(unit)
+    # 0:03:12 under "Time (s)": the text itself shows the form, and the reader refuses another one
+    clock = declared == "h:mm:ss" and found and UNITS[found][0] == "time"
+    if found and found != declared and not clock:
         raise ImportingError(
             f"{path}: the column {column!r} says {found}, {key}.unit says {unit}; set {key}.unit: {found}, or correct the"
             " header"
@@ -189,10 +213,14 @@ def refuse_jumps(path: Path, time: np.ndarray, xyz: np.ndarray) -> None:
         )
 
 
+def gap_limit_s(time: np.ndarray) -> float:
+    """Return the longest time between two rows of a log that is no gap [s]."""
+    return max(GAP_S, GAP_PERIODS * float(np.median(np.diff(time))))
+
+
 def refuse_gaps(path: Path, time: np.ndarray, key: str) -> None:
     """Raise ImportingError where a log has no rows for long."""
-    steps = np.diff(time)
-    limit = max(GAP_S, GAP_PERIODS * float(np.median(steps)))
+    steps, limit = np.diff(time), gap_limit_s(time)
     if steps.max() > limit:
         at = int(steps.argmax())
         raise ImportingError(

@@ -153,12 +153,12 @@ def clock_law(
     drift: bool,
     what: str,
     key: str,
-    stamps: tuple[np.ndarray, np.ndarray] | None = None,
+    stamps: tuple[np.ndarray | None, np.ndarray | None] = (None, None),
 ) -> ClockLaw:
     """Return the law of a clock from its bends. Raises ImportingError where they make none, with the key that settles it.
 
     known: the lag that the mapping gives, which is kept. drift: whether the clock may gain or lose. stamps: of the signal
-    and of the stage [s], where each row has its own: none of the signal's rows can then be lost without a trace.
+    and of the stage [s], where each row has its own: none of these rows can be lost without a trace.
     """
     if known is not None and not drift:
         return ClockLaw(known, 0.0, 0.0, bends)
@@ -236,15 +236,20 @@ def _refuse_jumps(at, lag, law, what: str, key: str, stamps) -> None:
         f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the indentations at {at[k]:.1f} and"
         f" {at[k + 1]:.1f} s, the limit is {limit * 1e3:.2g} ms"
     )
-    if stamps is not None:
-        raise ImportingError(f"{found}: {_stepped(stamps, steady[k : k + 2], at[k : k + 2], limit, key)}")
-    rows = "frames" if key == "camera" else "rows"
-    remedy = (
-        "name their own time stamps (camera.times, camera.from_name)"
-        if key == "camera"
-        else f"name time stamps of each row in {key}.time"
-    )
-    raise ImportingError(f"{found}: {rows} were dropped; {remedy}, or record again")
+    signal, stage = stamps
+    if signal is not None and stage is not None:
+        raise ImportingError(
+            f"{found}: {_stepped((signal, stage), steady[k : k + 2], at[k : k + 2], limit, key)}"
+        )
+    lost = []
+    if signal is None and key == "camera":
+        lost.append(("frames were dropped", "name their own time stamps (camera.times, camera.from_name)"))
+    elif signal is None:
+        lost.append(("rows were dropped", f"name time stamps of each row in {key}.time"))
+    if stage is None:
+        lost.append(("rows of the stage's log were dropped", "name time stamps of each row in stage.time"))
+    causes, remedies = (" or ".join(parts) for parts in zip(*lost))
+    raise ImportingError(f"{found}: {causes}; {remedies}, or record again")
 
 
 def _stepped(stamps, lags, at, limit: float, key: str) -> str:

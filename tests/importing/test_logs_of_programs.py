@@ -15,7 +15,7 @@ from gelforge.csv_table import TableError
 from gelforge.importing.importer import import_logs
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.streams import read_force, read_stage
-from gelforge.recording.imaging.frames import frames
+from gelforge.recording.imaging.frames import frames, images_in
 from gelforge.recording.imaging.images import image_size
 from gelforge.recording.tables.checks import RecordingError
 
@@ -74,6 +74,12 @@ def test_forces_below_such_lines_are_no_counts_and_another_unit_is_refused(logs,
     np.testing.assert_array_equal(read(above + text)[0].values, read()[0].values)
     with pytest.raises(ImportingError, match=r"'Force Units:,lbf', force\.unit says N; set force\.unit: lbf"):
         read(counted(logs, 1000, ATI.format(unit="lbf", counts=1000)))
+
+
+@pytest.mark.parametrize("torque", ["Nm", "N-m", "N mm", "N·m", "unit Torque"])
+def test_counts_of_torque_do_not_scale_the_force(logs, read, torque):
+    above = f"Counts/N:,1000\nCounts/{torque}:,50000\n"
+    np.testing.assert_allclose(read(counted(logs, 1000, above))[0].values, read()[0].values, atol=6e-4)
 
 
 def both_logs(logs):
@@ -155,6 +161,17 @@ def test_stamps_as_dates_in_two_columns_and_of_a_clock(logs, read, header, text,
     np.testing.assert_allclose(force.time_s, read()[0].time_s, atol=3e-6)
 
 
+@pytest.mark.parametrize("header", ["Clock (s)", "Clock [min]"])
+def test_a_time_of_day_under_a_header_with_a_unit(logs, read, header):
+    text = stamped(logs, lambda t: f"{int(t + 3500) // 60}:{(t + 3500) % 60:09.6f}")
+    ft = "\n".join([f"{header},Fx,Fy,Fz", *text])
+    force = read(ft, (TIME, f"time: {{column: '{header}', unit: 'h:mm:ss'}}"))[0]
+    np.testing.assert_allclose(force.time_s, read()[0].time_s, atol=3e-6)
+    other = "\n".join(["Clock (N),Fx,Fy,Fz", *text])
+    with pytest.raises(ImportingError, match=r"says N, force\.time\.unit says h:mm:ss"):
+        read(other, (TIME, "time: {column: Clock (N), unit: 'h:mm:ss'}"))
+
+
 def test_a_date_of_another_form_names_the_key_and_the_form(logs, read):
     ft = "\n".join(["Time,Fx,Fy,Fz", *stamped(logs, date("%m/%d/%Y %I:%M:%S.%f %p"))])
     with pytest.raises(
@@ -224,6 +241,26 @@ def test_a_clock_that_steps_is_named(tmp_path, fault, said):
         import_logs(tmp_path / "mapping.yaml", "s1")
 
 
+@pytest.mark.parametrize("lost", ["stage", "force"])
+def test_a_log_by_rate_that_lost_rows_is_told_of_rows(tmp_path, lost):
+    gone = {
+        "stage": lambda table: table.drop(range(620, 631)),
+        "force": lambda table: table.drop(range(4220, 4290)),
+    }
+    generate(tmp_path, replace(LAB, presses=8, fault={lost: gone[lost]}))
+    mapping = MAPPING.replace("time: {column: t_ms, unit: ms}", f"rate_hz: {LAB.stage_hz}")
+    if lost == "force":
+        mapping = MAPPING.replace("time: {column: Time, unit: s}", f"rate_hz: {LAB.force_hz}")
+    (tmp_path / "mapping.yaml").write_text(mapping)
+    said = (
+        "rows of the stage's log were dropped; .*stage.time"
+        if lost == "stage"
+        else "rows were dropped; .*force.time"
+    )
+    with pytest.raises(ImportingError, match=rf"its lag jumps .* {said}"):
+        import_logs(tmp_path / "mapping.yaml", "s1")
+
+
 def picture(path, level=90, turned=None):
     image = Image.fromarray(np.full((20, 30), level, np.uint8))
     exif = Image.Exif()
@@ -236,6 +273,19 @@ def test_frames_are_sorted_by_their_numbers(tmp_path):
     for k in range(1, 13):
         picture(tmp_path / f"frame_{k}.png", 10 * k)
     assert [int(frame.image[0, 0]) for frame in frames(tmp_path)] == [10 * k for k in range(1, 13)]
+
+
+def test_numbers_after_a_point_count_on_or_are_fractions(tmp_path):
+    for folder, names in (
+        ("counted", [f"cam1.{k}" for k in range(1, 13)]),
+        ("fractions", ["t0.5", "t1", "t1.125", "t1.25", "t1.5", "t2.0"]),
+        ("both", [f"cam{c}.{k}" for c in (1, 2) for k in (2, 9, 10, 20)]),
+        ("padded", [f"t1.{k:02d}" for k in range(1, 21)]),
+    ):
+        (tmp_path / folder).mkdir()
+        for name in names:
+            picture(tmp_path / folder / f"{name}.png")
+        assert [path.stem for path in images_in(tmp_path / folder)] == names
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "tif", "png"])

@@ -40,6 +40,7 @@ def test_seeds_make_networks(name):
 def test_a_unet_keeps_places():
     """What moves beside the left side of the image loads bins there first: x of regions is x of bins, and so is y."""
     network = make_network(Learning(), Grids(40, 20, 20), seed=0)
+    torch.nn.init.ones_(network.last.weight)
     maps = torch.zeros(1, 2, 40, 40)
     maps[0, :, 30:32, 4:6] = 1.0
     with torch.inference_mode():
@@ -50,12 +51,24 @@ def test_a_unet_keeps_places():
     assert abs(column - 2) <= 3
 
 
-def test_a_unet_that_is_silent_passes_the_inverse_on():
+@pytest.mark.parametrize("name", ["unet", "unet_inverse", "cnn"])
+def test_the_signal_keeps_its_size_up_to_the_last_layer_which_is_zero(name):
+    """PyTorch's own start leaves some 2 per cent of it."""
+    network = make_network(Learning(network=name), Grids(40, 20, 20), seed=0)
+    arriving = []
+    network.last.register_forward_hook(lambda layer, inputs, outputs: arriving.append(inputs[0]))
+    flow = torch.randn(8, 3200, generator=torch.Generator().manual_seed(0))
+    forces = torch.zeros(8, 1200 if network_of(name).reads_inverse else 0)
+    with torch.inference_mode():
+        outputs = network(torch.cat([flow, forces], dim=1))
+    assert 0.1 < float(arriving[0].square().mean().sqrt()) < 1
+    assert not outputs.any()
+
+
+def test_an_untrained_unet_passes_the_inverse_on():
     """Forces of the inverse reach their bins times the factor of their component."""
     network = make_network(Learning(network="unet_inverse", channels=4), Grids(8, 5, 3), seed=0)
     with torch.no_grad():
-        network.last.weight.zero_()
-        network.last.bias.zero_()
         network.skip.copy_(torch.tensor([1.0, 2.0, 3.0]))
         forces = torch.randn(2, 45)
         found = network(torch.cat([torch.randn(2, 128), forces], dim=1))

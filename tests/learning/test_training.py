@@ -19,15 +19,16 @@ from gelforge.learning.basis.data import (
     positions_of,
     training_and_validation,
 )
+from gelforge.learning.basis.network import Grids
 from gelforge.learning.basis.scaling import ModelError, Scaling
 from gelforge.learning.elasticity.inverse import Inverse
 from gelforge.learning.models.model_file import load_model, load_tensors, save_model, save_tensors
+from gelforge.learning.networks import make_network
 from gelforge.learning.networks.paper import paper_network
+from gelforge.learning.training.optimiser import LAST_RATE, MUON_RATE, WARM_UP, Optimiser, rate
 from gelforge.learning.training.train import (
     CHECKPOINT_FORMAT,
-    LAST_RATE,
     LIGHT,
-    WARM_UP,
     Run,
     mean_error,
     mean_loss,
@@ -362,6 +363,21 @@ def test_the_step_size_rises_and_falls_over_all_steps(study, shards, tmp_path):
     assert int(np.argmax(rates)) == round(100 * WARM_UP)
     assert max(rates) == pytest.approx(largest)
     assert rates[-1] == pytest.approx(LAST_RATE * largest)
+
+
+def test_muon_moves_kernels_by_the_step_size_in_all_directions():
+    """A step has singular values near one (0.7 to 1.2 after five iterations), times the step size and Adam's usual 0.2."""
+    learning = Learning(channels=8, steps=2).usual
+    network = make_network(learning, Grids(8, 4, 4), seed=0)
+    torch.nn.init.ones_(network.last.weight)
+    kernels = [layer[2].weight for layer in (*network.down, *network.up)]
+    before = [kernel.detach().clone() for kernel in kernels]
+    flow = torch.randn(16, 128, generator=torch.Generator().manual_seed(0))
+    Optimiser(network, learning).step(network(flow).square().mean(), done=0)
+    for kernel, was in zip(kernels, before):
+        moved = torch.linalg.svdvals((kernel - was).detach().flatten(1))
+        unit = MUON_RATE * rate(learning, 0) * 0.2 * max(kernel.flatten(1).shape) ** 0.5
+        assert 0.5 < float(moved.min() / unit) and float(moved.max() / unit) < 1.4
 
 
 def test_the_model_is_that_of_the_last_step(study, shards, tmp_path):

@@ -61,6 +61,21 @@ def test_a_pull_that_rest_cannot_have_is_an_offset(tmp_path):
     )
 
 
+def test_a_cut_that_leaves_too_little_is_refused(tmp_path):
+    few = np.linspace(1, 1.5, 10)
+    stress = P(few)
+    stress[3:] *= 0.01
+    with pytest.raises(TableError, match=r"3 rows are left before it, 5 at least are needed"):
+        read(tmp_path, few, stress, corrections={"after_fall": "cut"})
+    stress = P(LAM)
+    stress[5:] *= 0.01
+    with pytest.raises(TableError, match=r"the stretch before it has a range of 0\.0\d+, 0\.05 at least"):
+        own_format(tmp_path, stress, "cut_after_fall")
+    stress = P(few)
+    stress[6:] *= 0.01
+    assert len(read(tmp_path, few, stress, corrections={"after_fall": "cut"}).stretch) == 6
+
+
 def test_an_offset_of_a_few_per_cent_is_reported_only(tmp_path):
     test = read(tmp_path, LAM, noisy(P(LAM)) + 3)
     assert any("at rest: a preload" in text and "zero_force" in text for text in test.findings)
@@ -110,6 +125,18 @@ def test_a_saturated_load_cell_is_named(tmp_path, at):
     ):
         read(tmp_path, LAM, np.minimum(whole, at * whole.max()))
     read(tmp_path, LAM, 4 * np.round(whole / 4))  # a coarse one has equal rows everywhere
+
+
+@pytest.mark.parametrize("scale", [5.0, 7.0, 10.0])
+@pytest.mark.parametrize("digits", [0, 1])
+def test_a_curve_that_flattens_by_itself_is_not_saturated(tmp_path, scale, digits):
+    """A channel that rounds gives the plateau one value; the same channel that saturates below it is named."""
+    flattens = np.round(40 * np.tanh(scale * (LAM - 1)), digits)
+    top = flattens.max()
+    assert (flattens == top).sum() > 20
+    assert len(read(tmp_path, LAM, flattens).stretch) == len(LAM)
+    with pytest.raises(TableError, match="the load cell is saturated"):
+        read(tmp_path, LAM, np.minimum(np.round(P(LAM), 1 + digits), np.round(0.6 * P(LAM).max(), 1)))
 
 
 @pytest.mark.parametrize("history", ["monotonic", "cyclic"])

@@ -102,6 +102,11 @@ def test_times_of_a_clock(tmp_path, clock):
     assert test.time_s[0] == pytest.approx(3590.25)
     with pytest.raises(TableError, match="Time is .*set the column's unit to h:mm:ss"):
         one(tmp_path, text)
+    named = text.replace("Time", "Time (s)", 1)
+    (again,) = one(tmp_path, named, time={"column": "Time (s)", "unit": "h:mm:ss"})
+    np.testing.assert_array_equal(again.time_s, test.time_s)
+    with pytest.raises(TableError, match=r"'Time \(N\)' says N, the mapping declares h:mm:ss"):
+        one(tmp_path, text.replace("Time", "Time (N)", 1), time={"column": "Time (N)", "unit": "h:mm:ss"})
     broken = rows(clock=clock)
     broken[1][0] = "1:61:00"
     with pytest.raises(TableError, match=r"row 3: Time is '1:61:00'; a time h:mm:ss"):

@@ -33,7 +33,7 @@ def test_the_errors_of_mesh_and_laws_are_told_apart_whoever_shares_depth_zero(ze
     directions = context.force[..., None] * np.array([0.03, 0.04])[:laws]
     problem = problem_of(context)
     covariance = readings_covariance(context, directions, 0.002 * context.force)
-    noise = _noise(replace(problem, covariance=covariance), [])
+    noise = _noise(replace(problem, covariance=covariance))
     size = np.sqrt(np.mean(context.force**2, axis=0))
     # 5 % of two directions; rounding of square roots and back. 1e-5: a floor fades where it is as large as the force.
     assert noise.law_N == pytest.approx(0.05 * size if laws else 0 * size, rel=1e-12)

@@ -17,10 +17,10 @@ from gelforge.mismatch.evidence.identifiability import (
     expected_log_odds,
     indistinguishable,
     next_experiment,
-    profile,
 )
 from gelforge.mismatch.evidence.screen import Candidate, screened
-from gelforge.mismatch.goodness.scan import dictionary, scan
+from gelforge.mismatch.goodness.patterns import dictionary
+from gelforge.mismatch.goodness.scan import scan, whitened
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_what_the_limit_promises(world):
     """At the limit the scan sees a change mostly, at half of it hardly: why 4 is the limit."""
     context, covariance, candidates = world
     labels = context.observations.labels()
-    atoms = dictionary(labels, context.observations.flat(context.force)).whitened(covariance)
+    atoms = whitened(dictionary(labels, context.observations.flat(context.force)), covariance)
     column = named(candidates, "late").columns[:, 0]
     change = DETECTED_SNR * column / np.linalg.norm(covariance.whiten(column))
     noise = covariance.draw(np.random.default_rng(4), 200)
@@ -106,16 +106,6 @@ def test_what_the_limit_promises(world):
     assert 0.5 < seen(1.0) < 0.95
     assert seen(0.5) < 0.25
     assert seen(1.5) > 0.95
-
-
-def test_profile_is_the_best_over_the_other_amounts(world):
-    _, covariance, candidates = world
-    drift = named(candidates, "force_drift")
-    r = drift.columns @ [0.05, -0.05, 0.05] + covariance.draw(np.random.default_rng(5), 1)[:, 0]
-    judged = screened(r, covariance, [drift])[0]
-    amounts = judged.amounts[1] + np.sqrt(judged.covariance[1, 1]) * np.array([-2.0, 0.0, 1.0])
-    # Without signs all is normal: the profile is the marginal, a parabola.
-    assert_allclose(profile(r, covariance, judged, 1, amounts), [-2.0, 0.0, -0.5], atol=1e-8)
 
 
 @pytest.mark.parametrize("erring", [0.0, 0.3])

@@ -17,7 +17,7 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
-from gelforge.mismatch.goodness.flow_scan import patterns
+from gelforge.mismatch.goodness.patterns import dictionary
 from gelforge.mismatch.images import flow_fields, flow_images
 from gelforge.mismatch.images import flow_model as flow_model_module
 from gelforge.mismatch.images.flow import COARSER, with_flow
@@ -178,8 +178,8 @@ def test_forces_alone_predict_the_images(joint, study):
 
 
 def test_patterns_of_one_channel_are_nothing_on_the_other(joint):
-    atoms, n = patterns(joint.labels, joint.observations.flat(joint.base)), joint.flow.entries
-    of_flow = np.array([name.startswith("the images") for name in atoms.names])
+    atoms, n = dictionary(joint.labels, joint.observations.flat(joint.base)), joint.flow.entries
+    of_flow = np.array([one.name.startswith("the images") for one in atoms.patterns])
     assert of_flow.any() and (~of_flow).any()
     assert not atoms.values[:n, of_flow].any() and not atoms.values[n:, ~of_flow].any()
 

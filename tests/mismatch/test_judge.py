@@ -12,10 +12,8 @@ from numpy.testing import assert_allclose
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import FORM_ERRORS, screened
-from gelforge.mismatch.goodness.scan import Finding
 from gelforge.mismatch.inference.judge import MOST_EFFECTS, _alarm, judge
 from gelforge.mismatch.result.verdict import LEFT_P
-from gelforge.mismatch.summary.words import plain
 from gelforge.mismatch.terms.problem import PLACE_ERROR, secant
 from gelforge.mismatch.terms.refit import refitted
 from gelforge.progress import Stages, show
@@ -145,27 +143,6 @@ def test_an_alarm_needs_a_clear_residual_or_an_unlikely_nothing():
     assert _alarm(small, found.posterior) and not _alarm(small, likely)
     assert _alarm(tests(1e-3, 0.3, 1.0), likely) and _alarm(tests(0.3, 1e-3, 1.0), likely)
     assert not _alarm(tests(0.3, 0.3, 1.0), found.posterior)
-
-
-@pytest.mark.parametrize(
-    ("name", "kind", "words"),
-    [
-        (
-            "near (16, 16) mm within 3 mm, share of the force",
-            "position",
-            "near (16, 16) mm within 3 mm in proportion to the force",
-        ),
-        ("growing with depth, force along z", "depth", "growing with depth in the force along z"),
-        (
-            "dwell against the rest, force along y",
-            "phase",
-            "in dwell against the rest in the force along y",
-        ),
-        ("depths 1 to 2 mm, share of the force", "depth", "at depths 1 to 2 mm in proportion to the force"),
-    ],
-)
-def test_patterns_are_told_in_words_that_follow_most_clearly(name, kind, words):
-    assert plain(Finding(name, kind, {}, 5.0, 0.1)) == words
 
 
 def test_an_error_of_a_change_is_an_error_of_its_amount():

@@ -16,10 +16,10 @@ from gelforge.materials.basis.common_form import ForcePair, MaterialTest, Segmen
 from gelforge.materials.basis.segments import find_segments
 from gelforge.materials.readers.material_source import MaterialSource, read_sources
 from gelforge.materials.small_tests.small_effects import SmallTests
-from gelforge.mismatch.material.held_out import pieces_of
+from gelforge.mismatch.material.held_out import held_pieces
 from gelforge.mismatch.material.material_law import foam_stress
-from gelforge.mismatch.material.material_models import Change, fitted, posterior_of
-from gelforge.mismatch.material.material_readings import Dense, Readings
+from gelforge.mismatch.material.material_models import fitted, posterior_of
+from gelforge.mismatch.material.material_readings import Change, Dense, Readings
 from gelforge.mismatch.material.material_tests import judge_material, judge_sources
 from gelforge.mismatch.material.relaxation import hereditary
 from gelforge.mismatch.model.effect import Parameter
@@ -143,7 +143,7 @@ def test_flow_that_stress_speeds_up_is_told_from_linear_relaxation():
     verdict = judged(tests)
     assert named_in(verdict) == ["viscoelastic"]
     shape = next(e for e in verdict.effects if e.name == "viscoelastic").shape
-    assert "flow_strain" in shape and "flows" in verdict.sentence
+    assert "flow_strain" in shape
 
 
 def test_ageing_alone_is_named_with_its_amount():
@@ -182,7 +182,7 @@ def test_a_foam_that_ages_in_law_and_relaxation_is_named_with_both():
     old = [replace(pressed(f"old{n}", rng, mu=0.25, alpha=5.0, lost=0.55), dose=1.0) for n in range(3)]
     verdict = judged([*young, *old])
     assert "foam" in verdict.provenance.base
-    assert named_in(verdict) == ["viscoelastic", "ageing"]
+    assert set(named_in(verdict)) == {"viscoelastic", "ageing"}
     amounts = {a.name: a.value for a in next(e for e in verdict.effects if e.name == "ageing").amounts}
     assert amounts["change_of_law_shape_1"] > 0.1 and amounts["change_of_relaxation"] > 0.1
 
@@ -195,7 +195,17 @@ def test_a_fit_lies_in_the_middle_of_readings_whose_errors_are_shared():
     table = pd.DataFrame({"sample": "a", "segment": 0, "progress": np.linspace(0, 1, n)})
     shared_error = 0.1**2 * np.outer(base, base)
     readings = Readings(
-        table, measured, base, np.diag((0.01 * base) ** 2), 0 * base, 0 * base, 0.0, (), None, shared_error
+        table,
+        measured,
+        base,
+        np.diag((0.01 * base) ** 2),
+        0 * base,
+        0 * base,
+        0.0,
+        "",
+        (),
+        None,
+        shared_error,
     )
     factor = Parameter("factor", "1", 1.0, (-0.9, 5.0), "any")
     found = fitted(readings, [Change("force_gain", (factor,), lambda P, a: P * (1 + a[0]))])
@@ -208,7 +218,7 @@ def linear_readings(seed, n=40, gain=0.1, offset=0.05):
     base = np.linspace(0.1, 1.0, n)
     table = pd.DataFrame({"sample": "a", "segment": 0, "progress": np.linspace(0, 1, n), "is_base": False})
     measured = base * (1 + gain) + offset + 0.01 * np.random.default_rng(seed).standard_normal(n)
-    return Readings(table, measured, base, 0.01**2 * np.eye(n), 0 * base, 0 * base, 0.0)
+    return Readings(table, measured, base, 0.01**2 * np.eye(n), 0 * base, 0 * base, 0.0, "")
 
 
 LINEAR = (
@@ -226,7 +236,7 @@ def test_linear_changes_have_the_evidence_of_a_normal_density():
     exact = Dense(readings.fixed + 0.1**2 * J @ J.T).log_density(r)
     # a gain acts before the offset, so both are exactly linear
     assert fit.log_evidence == pytest.approx(exact, abs=1e-4)
-    posterior, fits = posterior_of(readings, LINEAR)
+    posterior, fits = posterior_of(readings.changed_by(LINEAR))
     scales = np.array([1.0, 0.3, 0.1]) * 0.1
     each = [
         Dense(readings.fixed + (J * [g, o]) ** 1 @ (J * [g, o]).T).log_density(r)
@@ -240,7 +250,7 @@ def test_linear_changes_have_the_evidence_of_a_normal_density():
 
 def test_what_is_not_there_is_not_in_the_most_probable_set():
     """A change that is nothing but a gain: the offset beside it is paid for and not had."""
-    found = [posterior_of(linear_readings(seed, offset=0.0), LINEAR)[0] for seed in range(5)]
+    found = [posterior_of(linear_readings(seed, offset=0.0).changed_by(LINEAR))[0] for seed in range(5)]
     assert all(one.ranked()[0] == {"force_gain"} for one in found)
     assert all(one.holding(["force_offset"]) < 0.5 for one in found)
 
@@ -262,11 +272,11 @@ def test_the_largest_pieces_that_there_are_enough_of_are_held_out(samples, branc
     rows = [(f"s{k}", f"{k}{b}", b == k == 0, x, "load") for k in range(samples) for b in range(branches)
             for x in np.linspace(0, 1, 8)]  # fmt: skip
     table = pd.DataFrame(rows, columns=["sample", "segment", "is_base", "progress", "branch"])
-    pieces = pieces_of(table, np.random.default_rng(0))
-    held = ~pieces.train
+    pieces = held_pieces(table, np.random.default_rng(0))
+    held = (pieces != "no").to_numpy()
     assert held.any() and not held[table["is_base"]].any()
     size = {"sample": 8 * branches, "branch": 8, "quarter": 2}[whole]
-    assert (pieces.of_row[held].value_counts() == size).all()
+    assert (pieces[held].value_counts() == size).all()
 
 
 @pytest.mark.thorough
@@ -318,9 +328,8 @@ def judged_pair(forces):
 def test_a_gain_between_load_cells_is_named_and_no_material_effect():
     verdict = judged_pair(pair(np.random.default_rng(4), [0.05] * 4))
     assert verdict.state == "identified" and named_in(verdict) == ["force_gain"]
-    effects = {e.name: e for e in verdict.effects}
-    assert effects["viscoelastic"].log_bayes_factor == 0.0 and effects["viscoelastic"].probability < 0.01
-    assert "no effect of the material" in verdict.sentence
+    assert "viscoelastic" not in {effect.name for effect in verdict.effects}
+    assert any("no property of the body" in sentence for sentence in verdict.cannot_know)
 
 
 def test_equal_load_cells_are_null():
@@ -405,5 +414,5 @@ def test_the_command_writes_a_verdict_of_the_schema(tmp_path):
         == 0
     )
     content = json.loads((tmp_path / "verdict.json").read_text())
-    assert content["format"] == "gelforge-verdict-3" and content["state"] == "identified"
+    assert content["format"] == "gelforge-verdict-4" and content["state"] == "identified"
     assert (tmp_path / "material_readings.csv").is_file()

@@ -10,7 +10,6 @@ from gelforge.config import ForceSensor
 from gelforge.mismatch.readings.contact_point import with_contact_point
 from gelforge.mismatch.readings.noise import reading_noise, steps_of
 from gelforge.mismatch.readings.observations import Observations
-from gelforge.mismatch.readings.outliers import without_outliers
 from gelforge.mismatch.readings.sessions import _table
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
@@ -95,7 +94,7 @@ def test_steps_turn_with_the_axes_of_the_force_sensor():
 
 
 # ------------------------------------------------------------------------------------------------------- relaxation
-def relaxing(sigma=0.005, share=0.15, tau=5.0, presses=50, glitch=0.0):
+def relaxing(sigma=0.005, share=0.15, tau=5.0, presses=50):
     """Return a recording of presses to one depth that are read at once and 1 to 60 s later while they relax."""
     rng = np.random.default_rng(5)
     rows = []
@@ -109,7 +108,6 @@ def relaxing(sigma=0.005, share=0.15, tau=5.0, presses=50, glitch=0.0):
         ]
     readings = pd.DataFrame(rows, columns=["press", "phase", "time_s", "depth_mm", "fz_N"])
     readings["fz_N"] += rng.normal(0, sigma, len(readings))
-    readings.loc[8, "fz_N"] += glitch  # a dwell row amid the first press's
     readings = readings.assign(
         fx_N=rng.normal(0, sigma, len(readings)), fy_N=rng.normal(0, sigma, len(readings))
     )
@@ -125,15 +123,6 @@ def test_relaxation_is_no_noise():
     assert freedom == 50 * 3 and "Fz bends during dwells" in said[0]
     _, _, (freedom, _), said = reading_noise(relaxing(share=0.0))
     assert freedom == 50 * (3 + 3) and not said
-
-
-@pytest.mark.parametrize("tau", [0.3, 5.0, 100.0])
-def test_relaxation_is_no_outlier_and_a_jump_is_one(tau):
-    noise = np.full(3, 0.005)
-    left, said = without_outliers(relaxing(tau=tau), noise)
-    assert not said and len(left) == 50 * 10
-    left, said = without_outliers(relaxing(tau=tau, glitch=-0.2), noise)
-    assert len(left) == 50 * 10 - 1 and (said[0].press, said[0].time_s) == ("p0", 35.0)
 
 
 # ------------------------------------------------------------------------------------------------------- depth zero

@@ -9,7 +9,7 @@ from artificial_problem import problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import screened
-from gelforge.mismatch.result.values import interval
+from gelforge.mismatch.summary.effect_entries import interval
 from gelforge.mismatch.terms.refit import _step, refitted
 
 

@@ -20,7 +20,7 @@ from gelforge.mismatch.result.verdict import Verdict, VerdictError
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.mismatch_page import write_mismatch_page
 from gelforge.report.verdict import mismatch_curves, mismatch_maps
-from gelforge.report.verdict.mismatch_chapters import CHAPTERS, answer, limits, mismatch, origin
+from gelforge.report.verdict.mismatch_chapters import CHAPTERS, answer, limits, mismatch
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import (
     chance_text,
@@ -383,13 +383,6 @@ def test_words_for_amounts_and_p():
 
 def test_amounts_stand_on_lines_of_their_own_and_break_before_a_bracket_only():
     assert unbroken("x +0.1 mm (-1 to 2); y 2") == "x\u00a0+0.1\u00a0mm (-1\u00a0to\u00a02)\ny\u00a02"
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_the_verdict_over_noise_has_a_row_each(results):
-    table = [block for block in origin(results).blocks if block.kind == "table"][1]
-    assert [row[1] for row in table.rows] == ["unexplained", *3 * ["identified"], "inconclusive"]
-    assert table.rows[1][2] == "gel stiffness or force gain or particle settling"
 
 
 @pytest.mark.parametrize(

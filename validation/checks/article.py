@@ -34,7 +34,7 @@ from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.pipeline.stage import solver_of, write_results
 from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
-from gelforge.mismatch.result.verdict import SURE, NoiseCase, Provenance, Verdict, versions
+from gelforge.mismatch.result.verdict import SURE, Provenance, Verdict, versions
 from gelforge.mismatch.summary.effect_entries import group_entries
 from gelforge.mismatch.summary.findings import verdict_of
 from gelforge.mismatch.terms.body_map import BOX
@@ -169,18 +169,18 @@ def with_curve(base: Base, curve: np.ndarray, effects) -> Base:
     return replace(base, context=changed)
 
 
-def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = SIGMAS_N) -> Verdict:
-    """Write the verdict at the stated resolution, with those at other noise beside it, into out/<case>."""
+def judge_case(
+    case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = SIGMAS_N
+) -> tuple[Verdict, pd.DataFrame]:
+    """Write the verdict at the stated resolution into out/<case>; return it, and one row for each noise of Fz [N]."""
     table = read_table()
     settings, seed = solver.study.mismatch, solver.study.seed
-    cases = []
+    rows = []
     for sigma in sigmas:
         problem, _ = problem_of_case(case, solver, table, sigma)
-        linear = replace(
-            problem, forces_with=at_first_order(problem)
-        )  # a switch's change is the real one all the same
-        own = noise_case(linear, judge(linear, settings, seed), 1.0)
-        cases.append(own.model_copy(update={"scale": sigma / STATED_N}))
+        # a switch's change is the real one all the same
+        linear = replace(problem, forces_with=at_first_order(problem))
+        rows.append((case.name, sigma, *in_words(linear, judge(linear, settings, seed))))
     problem, context = problem_of_case(case, solver, table, STATED_N)
     judgement = judge(problem, settings, seed)
     provenance = Provenance(
@@ -196,25 +196,21 @@ def judge_case(case: Case, solver: Solver, out: Path, sigmas: Sequence[float] = 
         draws=settings.draws,
         versions=versions(),
     )
-    verdict = verdict_of(problem, judgement, case.title, False, solver.study.sensor, provenance, cases)
+    verdict = verdict_of(problem, judgement, case.title, False, solver.study.sensor, provenance)
     verdict = with_experiments(verdict, problem, context)
-    return write_results(out / case.name, verdict, (problem, judgement))
+    verdict = write_results(out / case.name, verdict, (problem, judgement))
+    return verdict, pd.DataFrame(rows, columns=["base", "sigma_z_N", "state", "answer", "probability", "p"])
 
 
-def noise_case(problem: Problem, judgement: Judgement, scale: float) -> NoiseCase:
-    """Return a judgement as one row of the table over noise."""
-    z = problem.observations.noise_N[np.isfinite(problem.observations.noise_N[:, 2]), 2]
+def in_words(problem: Problem, judgement: Judgement) -> tuple[str, str, float | None, float]:
+    """Return the state of a judgement, its answer in words, the probability of that, and p of the mismatch."""
     groups = group_entries(problem, judgement)
     sure = [group for group in groups if group.probability >= SURE] or groups
-    return NoiseCase(
-        scale=scale,
-        sigma_z_N=float(scale * np.sqrt(np.mean(z**2))),
-        state=judgement.state,
-        answer=[group.names for group in sure],
-        beside=[group.members[0] for group in groups if group not in sure],
-        probability=min(group.probability for group in sure) if sure else None,
-        p=judgement.mismatch.p,
-    )
+    answer = "; ".join(" or ".join(group.names) for group in sure)
+    beside = [group.members[0] for group in groups if group not in sure]
+    answer += f"; and perhaps {' and '.join(beside)}" if beside else ""
+    chance = min(group.probability for group in sure) if sure else None
+    return judgement.state, answer, chance, judgement.mismatch.p
 
 
 def study_of(case: Case, study: Study) -> Study:
@@ -222,31 +218,8 @@ def study_of(case: Case, study: Study) -> Study:
     return unmirrored(study_from(merged(study.model_dump(mode="json"), case.changes)))
 
 
-def summary(verdicts: dict[str, Verdict]) -> pd.DataFrame:
-    """Return one row per case and noise: state, answer, probability."""
-    rows = [
-        (
-            name,
-            case.sigma_z_N,
-            case.state,
-            _in_words(case),
-            case.probability,
-            case.p,
-        )
-        for name, verdict in verdicts.items()
-        for case in verdict.noise.sensitivity
-    ]
-    return pd.DataFrame(rows, columns=["base", "sigma_z_N", "state", "answer", "probability", "p"])
-
-
-def _in_words(case: NoiseCase) -> str:
-    groups = "; ".join(" or ".join(group) for group in case.answer)
-    return groups + (f"; and perhaps {' and '.join(case.beside)}" if case.beside else "")
-
-
-def write_summary(out: Path, verdicts: dict[str, Verdict]) -> None:
-    """Write summary.csv and summary.md: each verdict over the readings' noise."""
-    table = summary(verdicts)
+def write_summary(out: Path, verdicts: dict[str, Verdict], table: pd.DataFrame) -> None:
+    """Write summary.csv and summary.md: each verdict, and over the readings' noise."""
     write_text(out / "summary.csv", table.to_csv(index=False, float_format="%.4g"))
     sentences = "\n\n".join(f"**{v.title}**: {v.state}. {v.sentence}" for v in verdicts.values())
     write_text(out / "summary.md", sentences + "\n\n" + table.to_markdown(index=False, floatfmt=".3g") + "\n")
@@ -261,14 +234,15 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="indentations that are solved side by side")
     asked = parser.parse_args()
     show()
-    study, verdicts = load_study(asked.study), {}
+    study, verdicts, tables = load_study(asked.study), {}, []
     solver = replace(solver_of(study, asked.out, [], None, asked.workers, []), cells=None, uncertain={})
     for case in tracked(CASES, "cases judged"):
-        found = judge_case(case, replace(solver, study=study_of(case, study)), asked.out)
+        found, table = judge_case(case, replace(solver, study=study_of(case, study)), asked.out)
         write_mismatch_page(asked.out / case.name)
         print(f"{case.title}: {found.state}: {found.sentence}")
         verdicts[case.name] = found
-    write_summary(asked.out, verdicts)
+        tables.append(table)
+    write_summary(asked.out, verdicts, pd.concat(tables))
 
 
 if __name__ == "__main__":

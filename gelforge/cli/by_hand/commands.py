@@ -144,6 +144,9 @@ def _import_logs(commands) -> None:
     raw.add_argument(
         "--out", type=Path, required=True, help="session folder to write: data/<study>/recordings/<session>"
     )
+    raw.add_argument(
+        "--data", type=Path, metavar="FOLDER", help="folder of the logs; else that of the mapping"
+    )
     add_study(raw, text="that is to read the session: its list and its plan file are extended")
 
 

@@ -9,22 +9,25 @@ from pathlib import Path
 
 from gelforge.cli.study.add_session import add_session, check_place, unjoined
 from gelforge.config import NAME, Sensor, load_study
+from gelforge.config.foreign.named_images import NamesMapping, load_names
 from gelforge.importing.importer import Imported, clock_words, import_logs, write_imported
+from gelforge.importing.named_images import write_named
 from gelforge.importing.public import layout_of
 from gelforge.importing.public.labelled import Options, write_labelled
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.streams import Stream
 from gelforge.indentation.sensor.stage_frame import first_outside, stage_to_sensor
-from gelforge.recording.readings import read_recording
+from gelforge.recording.readings import Recording, read_recording
 from gelforge.recording.tables.checks import RecordingError
 from gelforge.report.figures.measurements.import_figure import import_figure
 
 
-def import_command(mapping: Path, out: Path, study: Path | None = None) -> None:
+def import_command(mapping: Path, out: Path, study: Path | None = None, data: Path | None = None) -> None:
     """Write the session folder `out` from the logs that a mapping describes; print what was found.
 
     The folder appears when it is whole and its session is accepted; of one that is refused only the page is left, beside it.
-    study: the YAML file of a study that is to read the session (gelforge/cli/study/add_session.py).
+    study: the YAML file of a study that is to read the session (gelforge/cli/study/add_session.py). data: folder of the
+    logs, None: the mapping's.
     """
     name = out.resolve().name
     if not NAME.fullmatch(name):
@@ -33,7 +36,10 @@ def import_command(mapping: Path, out: Path, study: Path | None = None) -> None:
         raise ImportingError(f"--out {out}: exists already; remove it or name another folder")
     if study:
         check_place(load_study(study), study, out)
-    imported = import_logs(mapping, name)
+    if named := load_names(mapping):
+        _import_named(mapping, named, out, data or mapping.parent, study)
+        return
+    imported = import_logs(mapping, name, data)
     for line in lines(imported):
         print(line)
     if study:
@@ -45,22 +51,44 @@ def import_command(mapping: Path, out: Path, study: Path | None = None) -> None:
         folder.mkdir()
         write_imported(folder, imported)
         import_figure(imported, folder).savefig(page, dpi=110)
-        try:
-            recording = read_recording(folder)
-        except RecordingError as error:
-            said = str(error).replace(f"{folder}{os.sep}", "").replace(f"{folder}: ", "")
-            raise ImportingError(
-                f"{mapping}: the session is refused ({said}); its keys stand under `session` of the mapping, and"
-                f" {page} shows what was done"
-            ) from None
+        recording = _accepted(mapping, folder, f", and {page} shows what was done")
         os.replace(page, folder / "import.png")
         shutil.move(folder, out)
     for line in recording.findings.lines():
         print(f"finding    {line}")
     print(f"session    {out}: {len(imported.table)} readings, {len(imported.images)} images")
     print(f"page       {out / 'import.png'}: look at it")
+    _added(study, out)
+
+
+def _accepted(mapping: Path, folder: Path, shown: str) -> Recording:
+    """Return the session that was written, as all commands read it. Raises ImportingError where they refuse it."""
+    try:
+        return read_recording(folder)
+    except RecordingError as error:
+        said = str(error).replace(f"{folder}{os.sep}", "").replace(f"{folder}: ", "")
+        raise ImportingError(
+            f"{mapping}: the session is refused ({said}); its keys stand under `session` of the mapping{shown}"
+        ) from None
+
+
+def _import_named(mapping: Path, named: NamesMapping, out: Path, data: Path, study: Path | None) -> None:
+    """Write the session of a folder of images whose names hold the numbers."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
+        folder = Path(temporary) / out.resolve().name
+        folder.mkdir()
+        count = write_named(folder, named, folder.name, data, str(mapping))
+        recording = _accepted(mapping, folder, "")
+        shutil.move(folder, out)
+    print(f"session    {out}: {len(recording.readings)} readings, {count} images")
+    _added(study, out)
+
+
+def _added(study: Path | None, out: Path) -> None:
+    """Let a study read a session, and say what comes next."""
     if study:
-        for line in [*add_session(study, name), *unjoined(study, out)]:
+        for line in [*add_session(study, out.resolve().name), *unjoined(study, out)]:
             print(line)
         print(f"next       gelforge check {study}")
 

@@ -16,7 +16,10 @@ def mismatch_materials(sources: list[Path], mapping: Path | None, out: Path, see
     for judged in found:
         folder = out / judged.name if len(found) > 1 else out
         write_judged(folder, judged)
-        print(f"{judged.verdict.state}: {judged.verdict.sentence}")
+        fit = judged.verdict.fit
+        errors = (f"{score.rmse_N[2]:.3g}" for score in (fit.before, fit.after) if score)
+        print(f"{judged.verdict.title}\n{judged.verdict.state}: {judged.verdict.sentence}")
+        print(f"root mean square error [MPa, or N of indentations and pairs]: {' -> '.join(errors)}")
         print(f"written to {folder}\n")
     for reason in reasons:
         print(f"not judged: {reason}")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.api.studies import paper_study
+from gelforge.cli.study.mesh_quality import mesh_error_words
 from gelforge.config import Indenter, Study, load_section, load_study
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 
@@ -71,7 +72,7 @@ def print_force_depth(study: Study, cell) -> None:
         padding=(0, 1, 0, 0),  # ten columns in 80 characters
         title=f"Force on the sensor, {study.indenter.words} at ({a['x_mm']:g}, {a['y_mm']:g}) mm",
         caption=f"mesh {study.mechanics.mesh.quality}, {a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, "
-        f"{a['seconds']:.1f} s; mm, N; "
+        f"{a['cpu_seconds']:.1f} CPU s; {mesh_error_words(study)}; mm, N; "
         "± standard deviations of Fz from the mesh and from the constitutive model"
         + ("; Mz torque about the indenter's axis [N mm]" if twisted else ""),
     )

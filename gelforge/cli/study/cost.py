@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gelforge.cli.study.mesh_quality import mesh_error_words
 from gelforge.config import (
     Camera,
     Mesh,
@@ -242,7 +243,7 @@ def estimate(study: Study, cells: dict) -> list[str]:
         *([words] if between else []),
         *lines,
         f"mesh       {study.mechanics.mesh.quality}, {unknowns} degrees of freedom at ({costs.first.x_mm:g}, "
-        f"{costs.first.y_mm:g}) mm; about {costs.cell(costs.first):.2g} CPU s there",
+        f"{costs.first.y_mm:g}) mm; about {costs.cell(costs.first):.2g} CPU s there; {mesh_error_words(study)}",
         time_line(costs, seconds),
         *(judged if study.judges else []),
         f"disk       at most {disk / 1e6:.1f} MB for the cells (before compression)",

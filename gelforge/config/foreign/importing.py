@@ -12,7 +12,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from gelforge.config.basis.common import NonNegative, Positive, Section
-from gelforge.config.foreign.table_form import TableForm
+from gelforge.config.foreign.table_form import Rows, TableForm
 from gelforge.config.studies.files import load_section
 from gelforge.units import UNITS, unit_named
 
@@ -112,6 +112,7 @@ class ForceSource(Clock):
         None, description="of such a topic: only the messages of this frame are read"
     )
     table: TableForm = Field(TableForm(), description="how the table is written")
+    rows: list[Rows] = Field([], description="which rows of the table are read; none: all")
     columns: list[str] = Field(
         min_length=3, max_length=3, description="columns of the force along the sensor's x, y and z"
     )
@@ -140,6 +141,13 @@ class GCode(Section):
     rate_hz: Positive = Field(100.0, description="rows per second of the log that is made of it [1/s]")
 
 
+class Polar(Section):
+    """Columns of polar positions: x = radius cos(angle), y = radius sin(angle)."""
+
+    radius: str = Field(description="column of the distance from the origin, in the stage's unit")
+    angle: str = Field(description="column of the angle from x towards y [deg]")
+
+
 class StageSource(Section):
     """The log of the stage or robot; its clock is that of the session."""
 
@@ -149,6 +157,7 @@ class StageSource(Section):
         None, description="of such a topic: only the messages of this frame are read"
     )
     table: TableForm = Field(TableForm(), description="how the table is written")
+    rows: list[Rows] = Field([], description="which rows of the table are read; none: all")
     gcode: GCode | None = Field(
         None,
         description="the file is G-code that the stage ran; x, y, z are axes, X, Y, Z; its clock starts at 0",
@@ -158,8 +167,13 @@ class StageSource(Section):
     even: bool = Field(
         False, description="taken evenly; the stamps are replaced by the straight line through them"
     )
-    x: str | float = Field(description="column of x, or the position itself where it does not change [mm]")
-    y: str | float = Field(description="column of y, or the position itself where it does not change [mm]")
+    x: str | float | None = Field(
+        None, description="column of x, or the position itself where it does not change [mm]"
+    )
+    y: str | float | None = Field(
+        None, description="column of y, or the position itself where it does not change [mm]"
+    )
+    polar: Polar | None = Field(None, description="in place of x and y: columns of polar positions")
     z: str = Field(description="column of the axis that presses")
     unit: str = Field(description="unit of the positions: mm, um, m, in")
     pressing: Literal["+z", "-z"] = Field(description="direction along that axis that presses deeper")
@@ -167,6 +181,10 @@ class StageSource(Section):
     @model_validator(mode="after")
     def _complete(self):
         _known(self.unit, "length", "stage.unit")
+        if self.polar and (self.gcode or self.topic):
+            raise ValueError("polar positions are columns of a table; leave polar out")
+        if (self.polar is None) != (self.x is not None) or (self.x is None) != (self.y is None):
+            raise ValueError("where it presses is said once: give x and y, or polar")
         if self.gcode:
             if self.time or self.rate_hz or self.even or self.topic or self.unit != "mm":
                 raise ValueError(
@@ -255,6 +273,14 @@ class ImportMapping(Section):
         0.2, description="the stage leaves by at least this between indentations [mm]"
     )
     least_dwell_s: Positive = Field(0.3, description="a stage that stands still for so long waits [s]")
+    contact_within_mm: Positive = Field(
+        0.1,
+        description="of depth_zero session or at_mm: contact points lie within so much of their median [mm]",
+    )
+    ramp_depths_mm: list[Positive] = Field(
+        [],
+        description="depths at which loading and unloading without a wait are read [mm]; none: the deepest alone",
+    )
     frames_per_dwell: int = Field(3, ge=1, le=1000, description="readings, with a frame each, of a wait [-]")
     settle_s: NonNegative = Field(0.1, description="after arrival, before the first of these [s]")
 

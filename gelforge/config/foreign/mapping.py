@@ -15,9 +15,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from gelforge.config.basis.common import ConfigError, Name, Positive, Section
-from gelforge.config.foreign.table_form import TableForm
+from gelforge.config.foreign.table_form import Rows, TableForm
 from gelforge.config.studies.files import load_section
-from gelforge.csv_table import RowFilter
 from gelforge.units import UNITS, known_unit
 
 STRAIN_QUANTITY = {
@@ -162,27 +161,6 @@ class Corrections(Section):
         description="rows after a sudden fall of the stress (rupture, slip of the grip): refuse, cut there, or keep",
     )
     repeated_time: Literal["keep", "average"] = Field("keep", description="rows with the same time stamp")
-
-
-class Rows(Section):
-    """Rows that are read, by the value of a column; all of several conditions must hold."""
-
-    column: str = Field(description="name in the header, or the number from 1 where there is none")
-    equals: list[str | int | float] | None = Field(None, min_length=1, description="values that are kept")
-    at_least: float | None = Field(None, description="smallest number that is kept, in the file's unit")
-    at_most: float | None = Field(None, description="largest number that is kept, in the file's unit")
-
-    @model_validator(mode="after")
-    def _asks(self):
-        if self.equals is None and self.at_least is None and self.at_most is None:
-            raise ValueError("a filter of rows needs `equals`, `at_least` or `at_most`")
-        return self
-
-    @property
-    def filter(self) -> RowFilter:
-        """Return the filter as the CSV reader takes it."""
-        equals = None if self.equals is None else tuple(map(str, self.equals))
-        return RowFilter(self.column, equals, self.at_least, self.at_most)
 
 
 class TestMapping(Section):

@@ -85,7 +85,7 @@ class Learning(Section):
     )
     dropout: float = Field(0.1, ge=0, lt=1, description="dropout after each hidden layer (paper) [-]")
     learning_rate: Positive | None = Field(
-        None, description="Adam's largest step size; null: the network's usual one (docs/learning.md) [-]"
+        None, description="largest step size; null: the network's usual one (docs/learning.md) [-]"
     )
     batch_size: int | None = Field(
         None, ge=1, description="rows per step; null: the network's usual number (docs/learning.md) [-]"

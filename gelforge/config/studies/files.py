@@ -30,7 +30,7 @@ FORMER_KEYS = {  # of earlier files, and what to write in their place
 LARGEST = 1e12  # squares and cubes of what is below stay numbers
 
 
-def _read_yaml(path: Path) -> dict[str, Any]:
+def read_yaml(path: Path) -> dict[str, Any]:
     try:
         content = parsed(read_bytes(path).decode("utf-8-sig"))
     except NotAFile as error:
@@ -137,7 +137,7 @@ def study_from(content: dict[str, Any], source: str = "config") -> Study:
     content = dict(content)
     for key in ("sensor", "indenter"):
         if isinstance(content.get(key), str):
-            content[key] = _read_yaml(Path(content[key]))
+            content[key] = read_yaml(Path(content[key]))
     study = _validated(Study, content, source)
     for name in study.variants:
         variant_study(study, name, source)
@@ -164,12 +164,12 @@ def variant_study(study: Study, name: str, source: str = "config") -> Study:
 
 def load_study(path: str | Path) -> Study:
     """Return the validated study described by a YAML file."""
-    return study_from(_read_yaml(Path(path)), str(path))
+    return study_from(read_yaml(Path(path)), str(path))
 
 
 def load_session(path: str | Path) -> Session:
     """Return the validated session described by a session.yaml."""
-    return _validated(Session, _read_yaml(Path(path)), str(path))
+    return _validated(Session, read_yaml(Path(path)), str(path))
 
 
 def load_camera(path: str | Path, **completed: Any) -> Camera:
@@ -177,7 +177,7 @@ def load_camera(path: str | Path, **completed: Any) -> Camera:
 
     completed: keys that the file may lack, such as a pose; what the file says holds.
     """
-    content = _read_yaml(Path(path))
+    content = read_yaml(Path(path))
     nested = isinstance(content.get("camera"), dict)
     if not nested and ("camera" in content or "session" in content):
         raise ConfigError(f"{path}: the session describes no camera; give the YAML of a calibration")
@@ -193,7 +193,7 @@ def load_camera(path: str | Path, **completed: Any) -> Camera:
 
 def load_virtual_lab(path: str | Path) -> VirtualLab:
     """Return the validated virtual lab described by a YAML file."""
-    return _validated(VirtualLab, _read_yaml(Path(path)), str(path))
+    return _validated(VirtualLab, read_yaml(Path(path)), str(path))
 
 
 def section_from(model: type[Section], content: dict[str, Any], source: str) -> Any:
@@ -203,7 +203,7 @@ def section_from(model: type[Section], content: dict[str, Any], source: str) -> 
 
 def load_section(path: str | Path, model: type[Section]) -> Any:
     """Return the validated section of another kind (a mapping of columns, a small test) that a YAML file holds."""
-    return _validated(model, _read_yaml(Path(path)), str(path))
+    return _validated(model, read_yaml(Path(path)), str(path))
 
 
 def write_yaml(path: str | Path, content: Section | dict[str, Any]) -> None:

@@ -44,11 +44,25 @@ def seeded(kind: Callable[[Grids, int], OnGrids]) -> Callable[[Learning, Grids, 
     def make(learning, grids, seed):
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            network: nn.Module = kind(grids, learning.channels)
+            network = kind(grids, learning.channels)
+            start(network)
             # faster on a CPU; PyTorch's types do not know the keyword
             return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     return make
+
+
+def start(network: nn.Module) -> None:
+    """Draw the kernels of convolutions so that a signal keeps its size from layer to layer (He et al. 2015).
+
+    The layer `last` becomes zero: a training starts from no force, or from the forces of inverse elasticity.
+    """
+    for layer in network.modules():
+        if isinstance(layer, nn.Conv2d):
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            nn.init.zeros_(layer.bias)  # type: ignore[arg-type]  # convolutions here have one
+    if isinstance(last := getattr(network, "last", None), nn.Conv2d):
+        nn.init.zeros_(last.weight)
 
 
 class OnGrids(nn.Module):

@@ -16,12 +16,11 @@ class ConvolutionalNetwork(OnGrids):
 
     def __init__(self, grids: Grids, channels: int):
         super().__init__(grids)
-        self.layers = nn.Sequential(
-            block(2, channels), block(channels, 2 * channels), nn.Conv2d(2 * channels, 3, 1)
-        )
+        self.layers = nn.Sequential(block(2, channels), block(channels, 2 * channels))
+        self.last = nn.Conv2d(2 * channels, 3, 1)
 
     def on_grids(self, maps: torch.Tensor) -> torch.Tensor:
-        return self.layers(self.to_bins(maps))
+        return self.last(self.layers(self.to_bins(maps)))
 
 
 NETWORK = Network("cnn", seeded(ConvolutionalNetwork))

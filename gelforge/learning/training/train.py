@@ -1,4 +1,4 @@
-"""Training: Adam on the mean squared error for a number of steps, with checkpoints to go on from."""
+"""Training on the mean squared error for a number of steps, with checkpoints to go on from."""
 
 from __future__ import annotations
 
@@ -37,14 +37,12 @@ from gelforge.learning.models.model_file import Model, load_tensors, save_model,
 from gelforge.learning.models.reliability import Labels, Zero, find_intervals, find_zero
 from gelforge.learning.models.views import check_scale
 from gelforge.learning.networks import make_network, network_of
+from gelforge.learning.training.optimiser import Optimiser
 from gelforge.progress import Progress, tracked
 from gelforge.synthesis import SESSION
 
 USUAL_THREADS = {"paper": 2}
-CHECKPOINT_FORMAT = "gelforge-checkpoint-3"
-WARM_UP = 0.15  # share of the steps in which the step size grows
-LAST_RATE = 1e-3  # of the largest step size, at the end
-WEIGHT_DECAY = 1e-4
+CHECKPOINT_FORMAT = "gelforge-checkpoint-4"
 LIGHT = 0.1  # mean square, over that of all rows, below which a contact counts less than deeper ones
 ROWS_SET_ASIDE = 4000  # at most, for thresholds and intervals
 ROWS_OF_CHECK = 1500  # of training, and of validation: places near walls are in few orbits
@@ -110,9 +108,10 @@ def train(
     has the weights of the last step. Validation rows decide none of this: their loss is recorded, and thresholds and
     intervals are found on them. Their orbits are neither trained on nor tested.
 
-    A checkpoint `<model>.checkpoint.pt` beside the model holds weights, Adam's moments and losses; random numbers depend on
-    seed and pass only. A run that finds one of the same settings and shards goes on from it, with the same result as an
-    uninterrupted run on the same machine and number of threads; one of other settings is discarded. The last run removes it.
+    A checkpoint `<model>.checkpoint.pt` beside the model holds weights, the optimiser's moments and losses; random numbers
+    depend on seed and pass only. A run that finds one of the same settings and shards goes on from it, with the same result
+    as an uninterrupted run on the same machine and number of threads; one of other settings is discarded. The last run
+    removes it.
 
     inverse: of the study's sensor and camera, kept in the model; a network that reads its forces needs it.
     """
@@ -129,8 +128,8 @@ def train(
     if inverse is not None and forces is not None:
         settings |= {"inverse": digest([inverse.friction, inverse.singular.tolist()])}
     network = make_network(learning, plan.grids, study.seed)
-    adam = _optimiser(network, learning)
-    losses = _resume(checkpoint_path, settings, network, adam)
+    optimiser = Optimiser(network, learning)
+    losses = _resume(checkpoint_path, settings, network, optimiser)
     groups = None if plan.as_article else images_of_presses(rows, training)
     batches = Batches(
         rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups, forces
@@ -144,7 +143,7 @@ def train(
     with Progress("steps", learning.steps, done) as progress:
         while done < stop:
             before = done
-            done, training_loss = one_pass(network, adam, batches, len(losses), done, plan)
+            done, training_loss = one_pass(network, optimiser, batches, len(losses), done, plan)
             if not np.isfinite(training_loss):
                 raise ModelError(
                     f"the training loss up to step {done} is not finite; give a smaller learning.learning_rate "
@@ -153,7 +152,7 @@ def train(
             losses.append((done, training_loss, mean_loss(network, watched, plan.relative)))
             progress.advance(done - before, f"loss {losses[-1][1]:.4f}, of validation {losses[-1][2]:.4f}")
             if done >= stop or done // run.checkpoint_every > before // run.checkpoint_every:
-                _save_checkpoint(checkpoint_path, settings, network, adam, losses)
+                _save_checkpoint(checkpoint_path, settings, network, optimiser, losses)
     if done < learning.steps:
         rows.close()
         return False
@@ -209,28 +208,9 @@ def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Pla
     return Plan(learning, grids, turns), scaling
 
 
-def _optimiser(network: torch.nn.Module, learning: CompleteLearning) -> torch.optim.Optimizer:
-    if network_of(learning.network).as_article:
-        return torch.optim.Adam(network.parameters(), lr=learning.learning_rate)
-    return torch.optim.AdamW(network.parameters(), lr=learning.learning_rate, weight_decay=WEIGHT_DECAY)
-
-
-def _rate(learning: CompleteLearning, step: int) -> float:
-    """Return the step size: steady for the article's network, else up along a line and down along a cosine."""
-    if network_of(learning.network).as_article:
-        return learning.learning_rate
-    done = step / max(learning.steps - 1, 1)
-    if done < WARM_UP:
-        return learning.learning_rate * max(done / WARM_UP, 0.04)
-    fallen = 0.5 + 0.5 * np.cos(np.pi * (done - WARM_UP) / (1 - WARM_UP))
-    return float(
-        learning.learning_rate * (LAST_RATE + (1 - LAST_RATE) * fallen)
-    )  # a plain number: it is saved
-
-
 def one_pass(
     network: torch.nn.Module,
-    adam: torch.optim.Optimizer,
+    optimiser: Optimiser,
     batches: Batches,
     number: int,
     done: int,
@@ -243,14 +223,10 @@ def one_pass(
     rng, turner = np.random.default_rng([batches.seed, number, 1]), Turner(plan.turns, *plan.grids)
     total, count = 0.0, 0
     for inputs, targets in islice(batches.of_pass(number), plan.learning.steps - done):
-        for group in adam.param_groups:
-            group["lr"] = _rate(plan.learning, done)
         if len(plan.turns) > 1:
             inputs, targets = turner(rng.integers(len(plan.turns), size=len(inputs)), inputs, targets)
-        adam.zero_grad(set_to_none=True)
         loss = mean_error(network(inputs), targets, plan.relative)
-        loss.backward()
-        adam.step()
+        optimiser.step(loss, done)
         done += 1
         total, count = total + loss.item() * len(inputs), count + len(inputs)
     return done, total / count
@@ -359,18 +335,18 @@ def _trained_on(sessions: dict[str, dict]) -> str:
     return ("images that a virtual lab made" if made else "recorded images") + simulated
 
 
-def _save_checkpoint(path: Path, settings: dict, network, adam, losses: list[tuple]) -> None:
+def _save_checkpoint(path: Path, settings: dict, network, optimiser, losses: list[tuple]) -> None:
     content = {
         "format": CHECKPOINT_FORMAT,
         "settings": settings,
         "weights": network.state_dict(),
-        "adam": adam.state_dict(),
+        "optimiser": optimiser.state_dict(),
         "losses": [list(row) for row in losses],
     }
     save_tensors(path, content)
 
 
-def _resume(path: Path, settings: dict, network, adam) -> list[tuple[int, float, float]]:
+def _resume(path: Path, settings: dict, network, optimiser) -> list[tuple[int, float, float]]:
     """Load a checkpoint of the same settings into network and optimiser; return the losses so far."""
     if not path.is_file():
         return []
@@ -381,5 +357,5 @@ def _resume(path: Path, settings: dict, network, adam) -> list[tuple[int, float,
     if content["settings"] != settings:
         return []
     network.load_state_dict(content["weights"])
-    adam.load_state_dict(content["adam"])
+    optimiser.load_state_dict(content["optimiser"])
     return [(int(step), training, validation) for step, training, validation in content["losses"]]

@@ -129,11 +129,11 @@ def rest_stress(test: MaterialTest) -> tuple[float, float] | None:
     stress = test.nominal_stress[:last]
     if last > 1:
         return float(stress.mean()), float(stress.std(ddof=1) / np.sqrt(last))
-    return float(stress.mean()), _row_noise(test.nominal_stress)
+    return float(stress.mean()), row_noise(test.nominal_stress)
 
 
-def _row_noise(stress: np.ndarray) -> float:
-    """Return the standard deviation of one row about the line through its neighbours (robust)."""
+def row_noise(stress: np.ndarray) -> float:
+    """Return the standard deviation of one row about the line through its neighbours (robust), 0 for few rows."""
     if len(stress) < 5:
         return 0.0
     return float(1.4826 * np.median(np.abs(stress[1:-1] - (stress[:-2] + stress[2:]) / 2)) / np.sqrt(1.5))

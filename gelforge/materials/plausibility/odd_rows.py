@@ -32,6 +32,11 @@ LEAST_FLAT, FLAT_STRETCH = (
     5,
     0.02,
 )  # rows at the largest stress, and share of the range of stretch that they cover
+FEW_LEVELS = 5  # below the largest stress, among which the rows of a level are counted
+LEAST_LEVEL, SLOWER = (
+    3,
+    2.0,
+)  # rows of the level next to it, and times those of the others, where a curve flattens by itself
 AT_REST, LEAST_REST_STRESS = (
     1e-3,
     0.1,
@@ -115,7 +120,8 @@ def _stress_at_rest(strain: np.ndarray, stress: np.ndarray) -> float:
 def flat_top(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     """Return the first of many rows at exactly the largest stress while the stretch goes on; None where there are none.
 
-    Of a coarse channel rows are equal elsewhere too.
+    Of a coarse channel rows are equal elsewhere too. A curve that flattens by itself slows down before: the level next to
+    the largest has more rows than those below it.
     """
     size = np.abs(stress)
     size = np.round(
@@ -130,7 +136,9 @@ def flat_top(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     ):
         return None
     _, counts = np.unique(others, return_counts=True)
-    return int(np.argmax(top)) if counts.max() < top.sum() / 2 else None
+    below = counts[-1 - FEW_LEVELS : -1]
+    slows_down = counts[-1] >= LEAST_LEVEL and len(below) and counts[-1] >= SLOWER * np.median(below)
+    return int(np.argmax(top)) if counts.max() < top.sum() / 2 and not slows_down else None
 
 
 def single_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:

@@ -180,6 +180,8 @@ def _check_headers(path: Path, columns: Sequence[Column]) -> None:
         bracketed = column.column.rstrip()[-1:] in (")", "]", "}")
         if said in (None, "1") or said == column.known_unit:
             continue
+        if column.known_unit == "h:mm:ss" and UNITS[said][0] == "time":
+            continue  # the text itself shows the form, and the reader refuses another one
         if bracketed or UNITS[said][0] == UNITS[column.known_unit][0]:
             raise TableError(
                 f"{path}: the column {column.column!r} says {said}, the mapping declares {column.unit}; check the units:"
@@ -318,6 +320,11 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
             raise TableError(
                 f"{path}, {text}; cut the curve there with `corrections: {{after_fall: cut}}`, or confirm it with"
                 " `after_fall: keep`"
+            )
+        if stop < LEAST_ROWS:
+            raise TableError(
+                f"{path}, {text}: {stop} rows are left before it, {LEAST_ROWS} at least are needed for a test; leave the"
+                " test out, or confirm it with `corrections: {after_fall: keep}`"
             )
         said = [*said, f"corrected: {text}; cut there (after_fall)"]
         time = None if time is None else time[:stop]

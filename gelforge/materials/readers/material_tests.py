@@ -144,8 +144,7 @@ def _read_samples(folder: Path) -> pd.DataFrame:
             )
         if unknown := set(row.corrections.split()) - set(CORRECTIONS):
             raise TableError(
-                f"{path}, row {line}: corrections are {row.corrections!r}; {sorted(unknown)} is not among"
-                f" {list(CORRECTIONS)}"
+                f"{path}, row {line}: corrections has {sorted(unknown)}; known are {list(CORRECTIONS)}"
             )
         cycle = 1 if np.isnan(row["cycle"]) else int(row["cycle"])
         if (row.test, row["sample"], cycle) in seen:
@@ -236,6 +235,13 @@ def _material_test(
     fall = fall_while_loading(test)
     if fall and CUT in words:
         stop = fall.row + 1
+        left = float(np.ptp(test.stretch[:stop]))
+        if left < LEAST_STRETCH_RANGE:
+            raise TableError(
+                f"{folder / row.file}, {fall_words(fall, table.index)}: the stretch before it has a range of {left:.3g},"
+                f" {LEAST_STRETCH_RANGE:g} at least is needed to find a constitutive model; leave the sample out, or confirm"
+                f" it with `{KEEP}`"
+            )
         said = [*said, f"corrected: {fall_words(fall, table.index)}; cut there ({CUT})"]
         time_s = None if time_s is None else time_s[:stop]
         return _material_test(folder, row, table.iloc[:stop], nominal_stress[:stop], time_s, said)

@@ -110,20 +110,33 @@ def pressed_pairs(pair: ForcePair, loaded_share: float = 0.05) -> list[PressedPa
     An indentation is the rows above loaded_share of the largest force; its line is that of total least squares, both forces
     being measured. The line is not forced through the origin: an offset that comes with the load is no gain.
     """
-    one, two = pair.force_1_N - _rest(pair.force_1_N), pair.force_2_N - _rest(pair.force_2_N)
-    mean = (one + two) / 2
-    loaded = mean > loaded_share * np.max(mean)
-    edges = np.flatnonzero(np.diff(np.r_[False, loaded, False].astype(int)))
+    one, two = from_rest(pair)
     presses = []
-    for a, b in zip(edges[::2], edges[1::2]):
-        x, y, largest = one[a:b], two[a:b], float(mean[a:b].max())
-        if b - a < LEAST_ROWS_OF_PRESS or np.ptp(mean[a:b]) < LEAST_RISE * largest:
-            continue  # the slope of an indentation that hardly rises is noise
-        place = str(a) if pair.position is None else str(pair.position[a])
-        slope, top = _slope(x - x.mean(), y - y.mean()), int(np.argmax(mean[a:b]))
-        offset = float(y.mean() - slope * x.mean())
+    for place, rows in pressed_rows(pair, loaded_share):
+        x, y, mean = one[rows], two[rows], (one[rows] + two[rows]) / 2
+        slope, top = _slope(x - x.mean(), y - y.mean()), int(np.argmax(mean))
+        offset, largest = float(y.mean() - slope * x.mean()), float(mean.max())
         presses.append(PressedPair(place, slope - 1, offset, float(y[top] / x[top] - 1), largest))
     return presses
+
+
+def pressed_rows(pair: ForcePair, loaded_share: float = 0.05) -> list[tuple[str, slice]]:
+    """Return place and rows of each indentation of a pair: those above loaded_share of the largest force.
+
+    Those that hardly rise are left out: their slope is noise.
+    """
+    (one, two), found = from_rest(pair), []
+    mean = (one + two) / 2
+    edges = np.flatnonzero(np.diff(np.r_[False, mean > loaded_share * np.max(mean), False].astype(int)))
+    for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):
+        if b - a >= LEAST_ROWS_OF_PRESS and np.ptp(mean[a:b]) >= LEAST_RISE * mean[a:b].max():
+            found.append((str(a if pair.position is None else pair.position[a]), slice(a, b)))
+    return found
+
+
+def from_rest(pair: ForcePair) -> tuple[np.ndarray, np.ndarray]:
+    """Return both forces (n,) less their readings without load."""
+    return pair.force_1_N - _rest(pair.force_1_N), pair.force_2_N - _rest(pair.force_2_N)
 
 
 def _rest(force) -> float:

@@ -124,27 +124,12 @@ def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) ->
             found.setdefault((candidate.name, k), []).append((amount, candidate))
     limits = []
     for (name, k), shapes in found.items():
-        best, candidate = min(shapes, key=lambda shape: shape[0])
+        widths = [1.0 if one.binary else float(one.prior_sd[k]) for _, one in shapes]
+        share, best = min((amount / width, j) for j, ((amount, _), width) in enumerate(zip(shapes, widths)))
+        amount, candidate = shapes[best]
         worst = max(amount for amount, _ in shapes)
-        width = 1.0 if candidate.binary else float(candidate.prior_sd[k])
-        limits.append(Limit(name, k, candidate.shape, float(best), float(worst), float(best / width)))
+        limits.append(Limit(name, k, candidate.shape, float(amount), float(worst), float(share)))
     return limits
-
-
-def profile(
-    residual: np.ndarray, covariance: Covariance, judged: Screened, parameter: int, amounts: np.ndarray
-) -> np.ndarray:
-    """Return the log posterior (A,), 0 at its largest, over one value, the others free at each, by the linear change."""
-    r = covariance.whiten(residual)
-    J = covariance.whiten(np.column_stack([part.columns for part in judged.parts]))
-    prior_sd = np.concatenate([part.prior_sd for part in judged.parts])
-    rest = np.arange(J.shape[1]) != parameter
-    B = np.eye(rest.sum()) + prior_sd[rest, None] * (J[:, rest].T @ J[:, rest]) * prior_sd[rest]
-    shifted = r[:, None] - J[:, [parameter]] * amounts  # (n, A)
-    b = prior_sd[rest, None] * (J[:, rest].T @ shifted)
-    squares = (shifted**2).sum(axis=0) - np.sum(b * np.linalg.solve(B, b), axis=0)
-    found = -0.5 * (squares + (amounts / prior_sd[parameter]) ** 2)
-    return found - found.max()
 
 
 def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:

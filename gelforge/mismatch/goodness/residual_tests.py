@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gelforge.config.parts.mismatch import Mismatch
-from gelforge.mismatch.goodness.flow_scan import patterns
-from gelforge.mismatch.goodness.scan import GlobalTest, Scan, global_test, scan
+from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.goodness.patterns import Atoms, dictionary
+from gelforge.mismatch.goodness.scan import GlobalTest, Scan, global_test, scan, whitened
 from gelforge.mismatch.terms.problem import Problem
 
 
@@ -35,8 +36,20 @@ def residual_tests(
     fitted: np.ndarray | None = None,
 ) -> ResidualTests:
     """Return both tests of a residual (m,) of some entries (n,) bool; fitted (m, p): columns that were fitted to them."""
-    covariance = problem.covariance.restricted(mask)
     labels = problem.labels[mask].reset_index(drop=True)
-    atoms = patterns(labels, problem.observations.flat(problem.base)[mask]).whitened(covariance, fitted)
-    found = scan(covariance.whiten(residual), atoms, rng, settings.draws, covariance.estimated)
+    atoms = dictionary(labels, problem.observations.flat(problem.base)[mask])
+    return both_tests(residual, problem.covariance.restricted(mask), atoms, rng, settings.draws, fitted)
+
+
+def both_tests(
+    residual: np.ndarray,
+    covariance: Covariance,
+    atoms: Atoms,
+    rng: np.random.Generator,
+    draws: int,
+    fitted: np.ndarray | None = None,
+) -> ResidualTests:
+    """Return both tests of a residual (n,) by atoms that are not whitened."""
+    white = whitened(atoms, covariance, fitted)
+    found = scan(covariance.whiten(residual), white, rng, draws, covariance.estimated)
     return ResidualTests(global_test(residual, covariance, fitted), found)

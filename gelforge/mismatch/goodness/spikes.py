@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.goodness.scan import AXES
+from gelforge.mismatch.goodness.patterns import AXES
 from gelforge.mismatch.readings.observations import Observations, SetAside
 from gelforge.mismatch.terms.problem import Problem, never_solved
 from gelforge.mismatch.terms.unknown import kernels_of

@@ -214,4 +214,8 @@ def _with_fits(
             evidence[effects] = fits[known].log_bayes_factor + beside
         elif known in first.evidence and posterior.lines_of(known) in gained:
             evidence[effects] = first.evidence[known] + gained[posterior.lines_of(known)] + beside
-    return replace(posterior, sets=sets, evidence={e: v for e, v in evidence.items() if e not in failed})
+    return replace(
+        posterior,
+        sets={effects: one for effects, one in sets.items() if effects not in failed},
+        evidence={effects: value for effects, value in evidence.items() if effects not in failed},
+    )

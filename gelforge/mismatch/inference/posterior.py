@@ -127,7 +127,7 @@ class Posterior:
         An effect of another one's set acts beside this one, and not in its place.
         """
         found: list[CredibleSet] = []
-        for name in sorted(effects, key=lambda one: -self.holding([one])):
+        for name in sorted(effects, key=lambda one: (-self.holding([one]), one)):
             elsewhere = (effects - {name}).union(*(one.names for one in found))
             found.append(self._credible_set(name, elsewhere))
         return found

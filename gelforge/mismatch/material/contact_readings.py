@@ -6,16 +6,19 @@ import numpy as np
 import pandas as pd
 
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest
+from gelforge.materials.plausibility.findings import row_noise
 from gelforge.materials.small_tests.microindentation import contact_point
+from gelforge.materials.small_tests.trials import from_rest, pressed_rows
 from gelforge.mismatch.material.material_effects import factor, softenings
-from gelforge.mismatch.material.material_models import Change, Tests
 from gelforge.mismatch.material.material_readings import (
     FORCE_CLASS,
+    Change,
     Readings,
+    alike,
     binned,
     means,
     misfit_covariance,
-    row_noise,
+    reduced,
 )
 from gelforge.mismatch.material.relaxation import decades, lost, relaxations
 from gelforge.mismatch.model.effect import Parameter
@@ -26,22 +29,19 @@ BASELINE = 0.01  # of the largest push: an optical lever's zero moves by as much
 CONTACT = 0.02  # of the largest depth: the touch that Hertz's fit finds
 ROWS_OF_WAY = 8  # of an indentation between load cells, during its unloading and loading
 HEIGHTS = 16  # at which the ball may come free
-LEAST_LOADED = 0.05  # of the largest force of a pair
 UNDER_LOAD = 0.05  # of the largest force
 UNSYNCHRONISED = 0.5  # readings
-MATERIAL = ("viscoelastic", "mullins", "ageing", "temperature", "adhesion")
 CALIBRATED = "load cells are calibrated to 1 to 2 %, a moment or a bypass changes it by some more"
 
 
-def press_readings(press: IndentationTest) -> Tests:
+def press_readings(press: IndentationTest) -> Readings:
     """Return an indentation with approach and withdrawal beside Hertz's ball fitted to its approach; raises ValueError."""
     if press.segment is None:
         raise ValueError(f"{press.sample}: one way only; adhesion and creep need the way back and a hold")
     names, kinds = zip(*press.segment_kinds)
     if "load" not in kinds:
         raise ValueError(f"{press.sample}: no approach among its segments {list(names)}")
-    loading = kinds.index("load")
-    approach = press.in_segment(names[loading])
+    approach = press.in_segment(names[kinds.index("load")])
     # Hertz's depth dependence on a half space is that of any ball
     touch = contact_point(approach.position_mm, approach.force_N, press.ball_radius_mm or 1.0)
     shape = np.maximum(approach.position_mm - touch, 0.0) ** 1.5
@@ -49,33 +49,34 @@ def press_readings(press: IndentationTest) -> Tests:
     d = press.position_mm - touch
     deepest, timed = float(d.max()), press.time_s is not None
     time = np.asarray(press.time_s, dtype=float) if timed else np.arange(len(d), dtype=float)
-    groups, rows = [], []
+    groups, segment = [], []
     for number, (name, kind) in enumerate(zip(names, kinds)):
         own = np.flatnonzero((press.segment == name) & (d > -NEAR * deepest))
-        found = binned(
-            time[own] if kind == "hold" else np.arcsinh(8 * d[own] / deepest), own, ROWS_OF_SEGMENT
-        )
-        groups += found
-        rows += [(kind, number, name, along) for along in np.linspace(0, 1, len(found))]
-    table = pd.DataFrame(rows, columns=["branch", "segment", "part", "progress"])
-    table = table.assign(
-        sample=press.sample, test="indentation", at=means(groups, d), share=means(groups, d) / deepest,
-        time_s=means(groups, time), is_base=table["segment"] == loading,
-    )  # fmt: skip
+        along = time[own] if kind == "hold" else np.arcsinh(8 * d[own] / deepest)
+        groups += (found := binned(along, own, ROWS_OF_SEGMENT))
+        segment += [number] * len(found)
+    table = reduced(groups, segment, at=d, share=d / deepest, time_s=time).assign(
+        branch=np.array(kinds)[segment],
+        part=np.array(names)[segment],
+        sample=press.sample,
+        test="indentation",
+    )
+    table["is_base"] = table["segment"] == kinds.index("load")
     hertz = k * np.maximum(d, 0.0) ** 1.5
     y, base, share = means(groups, press.force_N - rest), means(groups, hertz), table["share"].to_numpy()
     push = float(y.max())
     noise = np.hypot(row_noise(approach.force_N) / np.sqrt([len(g) for g in groups]), FORCE_CLASS * push)
     slope = 1.5 * k * np.sqrt(np.maximum(table["at"].to_numpy(), 0.0))
     misfit = float(np.sqrt(np.mean((y - base)[table["is_base"] & (base > 0)] ** 2)))
-    C = np.diag(noise**2) + (BASELINE * push) ** 2 * _alike(table["segment"])
+    C = np.diag(noise**2) + (BASELINE * push) ** 2 * alike(table["segment"])
     C += misfit_covariance(share, misfit) + (CONTACT * deepest) ** 2 * np.outer(slope, slope)
-    said = [f"{press.sample}: {text}" for text in press.findings if "bending" in text]
-    if not timed:
-        said.append(
-            f"{press.sample}: no time is recorded: relaxation cannot be distinguished from the order of rows"
-        )
-    readings = Readings(table, y, base, C, noise, np.full(len(y), misfit), BASELINE * push, tuple(said))
+    said = [text for text in press.findings if "bending" in text]
+    said += ["no time is recorded: relaxation cannot be distinguished from the order of rows"] * (not timed)
+    readings = Readings(
+        table, y, base, C, noise, np.full(len(y), misfit), BASELINE * push,
+        f"Hertz's ball on a half space, F = k d^1.5, fitted to the approach of {press.sample}",
+        tuple(f"{press.sample}: {text}" for text in said),
+    )  # fmt: skip
     changes = _of_sensor(readings, push, timed)
     if timed:
         fitted = table["is_base"].to_numpy()
@@ -87,14 +88,7 @@ def press_readings(press: IndentationTest) -> Tests:
         W = np.clip(share, 0, 1) ** 2.5  # energy of F ~ d^1.5, of the largest
         changes += softenings(W, np.ones(len(W)), (table["branch"] == "unload").to_numpy())
         changes += _adhesions(d, press.segment == names[-1], groups, deepest, push)
-    words = f"Hertz's ball on a half space, F = k d^1.5, fitted to the approach of {press.sample}"
-    return Tests(readings, tuple(changes), words, "N")
-
-
-def _alike(column: pd.Series) -> np.ndarray:
-    """Return 1 (n, n) where two rows have the same value, else 0."""
-    codes = pd.factorize(column)[0]
-    return (codes[:, None] == codes).astype(float)
+    return readings.changed_by(changes)
 
 
 def _of_sensor(readings: Readings, push: float, timed: bool) -> list[Change]:
@@ -147,42 +141,35 @@ def _adhesions(d: np.ndarray, last: np.ndarray, groups, deepest: float, push: fl
     return found
 
 
-def pair_readings(pair: ForcePair) -> Tests:
+def pair_readings(pair: ForcePair) -> Readings:
     """Return the second of two load cells beside the first: both carry the same force, so they should read the same.
 
     Whatever the body between them does enters both alike: no property of a material changes their difference.
     """
-    one, two = pair.force_1_N - _rest(pair.force_1_N), pair.force_2_N - _rest(pair.force_2_N)
+    one, two = from_rest(pair)
     mean = (one + two) / 2
     largest = float(mean.max())
-    edges = np.flatnonzero(np.diff(np.r_[False, mean > LEAST_LOADED * largest, False].astype(int)))
-    groups, rows = [], []
-    for number, (a, b) in enumerate(zip(edges[::2], edges[1::2])):
-        if b - a < 4 or np.ptp(mean[a:b]) < 0.5 * mean[a:b].max():
-            continue
-        top = a + int(np.argmax(mean[a:b])) + 1
-        place = str(a if pair.position is None else pair.position[a])
-        for branch, own in (("load", np.arange(a, top)), ("unload", np.arange(top, b))):
-            found = binned(mean[own], own, ROWS_OF_WAY, 0.0)
-            groups += found
-            rows += [(branch, f"{number}/{branch}", f"indentation {number + 1}", place, along)
-                     for along in np.linspace(0, 1, len(found))]  # fmt: skip
+    groups, segment, parts = [], [], []
+    for number, (place, rows) in enumerate(pressed_rows(pair), start=1):
+        top = rows.start + int(np.argmax(mean[rows])) + 1
+        for branch, own in (("load", np.arange(rows.start, top)), ("unload", np.arange(top, rows.stop))):
+            groups += (found := binned(mean[own], own, ROWS_OF_WAY, 0.0))
+            segment += [(number, branch)] * len(found)
+            parts += [(branch, f"indentation {number}", place)] * len(found)
     if len(groups) < 10:
         raise ValueError(
             f"{pair.source}: no indentation that rises by half of its force; press between the load cells"
         )
     F1, F2 = means(groups, one), means(groups, two)
     time = np.arange(len(one), dtype=float) if pair.time_s is None else np.asarray(pair.time_s, dtype=float)
-    table = pd.DataFrame(rows, columns=["branch", "segment", "part", "place", "progress"])
-    table = table.assign(
-        segment=pd.factorize(table["segment"])[0], sample=pair.sample, test="force_pair", at=F1, share=F1 / largest,
-        time_s=means(groups, time), is_base=False,
-    )  # fmt: skip
+    table = reduced(groups, pd.factorize(pd.Series(segment))[0], at=one, share=one / largest, time_s=time)
+    table[["branch", "part", "place"]] = parts
+    table = table.assign(sample=pair.sample, test="force_pair", is_base=False)
     count = np.array([len(g) for g in groups])
     noise = np.hypot(np.hypot(row_noise(one), row_noise(two)) / np.sqrt(count), FORCE_CLASS * largest)
-    C = np.diag(noise**2) + (FORCE_CLASS * largest) ** 2 * _alike(table["part"])
+    C = np.diag(noise**2) + (FORCE_CLASS * largest) ** 2 * alike(table["part"])
     # what comes with the load at a place and is no gain: friction at the fixture, a force that bypasses a load cell
-    C += (UNDER_LOAD * largest) ** 2 * _alike(table["place"])
+    C += (UNDER_LOAD * largest) ** 2 * alike(table["place"])
     per_row = means(groups, np.gradient(one))  # [N] from one reading to the next
     # load cells that are not read at one instant: either value may be up to a reading old, now more and now less
     C += UNSYNCHRONISED**2 * (np.diag(per_row**2) + np.outer(per_row, per_row))
@@ -191,13 +178,12 @@ def pair_readings(pair: ForcePair) -> Tests:
         said = (
             "time stamps are coarser than the readings: a delay between the load cells is known in readings only",
         )
-    readings = Readings(table, F2, F1, C, noise, np.zeros(len(F1)), FORCE_CLASS * largest, said)
-    readings = readings.saying(
-        f"{', '.join(MATERIAL)}: no property of the body between the load cells enters their difference, so these readings"
-        " neither show nor exclude it"
-    )
     words = "equality of both load cells, which carry the same force"
-    return Tests(readings, tuple(_of_pair(readings, largest, per_row)), words, "N", MATERIAL)
+    readings = Readings(table, F2, F1, C, noise, np.zeros(len(F1)), FORCE_CLASS * largest, words, said)
+    return readings.changed_by(
+        _of_pair(readings, largest, per_row),
+        "no property of the body between the load cells enters their difference: none is shown or excluded",
+    )
 
 
 def _of_pair(readings: Readings, largest: float, per_row: np.ndarray) -> list[Change]:
@@ -223,8 +209,3 @@ def _of_pair(readings: Readings, largest: float, per_row: np.ndarray) -> list[Ch
         _added("clock_offset", late, -per_row),
         _added("force_hysteresis", lag, back),
     ]
-
-
-def _rest(force: np.ndarray) -> float:
-    """Return the reading without load: the median of the lowest tenth."""
-    return float(np.median(np.sort(force)[: max(len(force) // 10, 1)]))

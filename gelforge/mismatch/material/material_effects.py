@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import erf
 
 from gelforge.materials.covariates.circumstances import CIRCUMSTANCES
-from gelforge.mismatch.material.material_models import Change, Tests
+from gelforge.mismatch.material.material_readings import Change, Readings
 from gelforge.mismatch.material.relaxation import LEGENDRE, viscoelastic
 from gelforge.mismatch.material.stress_readings import Path, StressTests
 from gelforge.mismatch.model.effect import Parameter
@@ -31,7 +31,7 @@ UNSEEN = {
 }
 
 
-def of_stress(tests: StressTests) -> Tests:
+def of_stress(tests: StressTests) -> Readings:
     """Return the stress tests with every effect in its shapes that changes them at all, and which cannot be seen.
 
     Gain, zero of force and zero of strain of single tests are no effects: they cannot be distinguished from samples
@@ -40,7 +40,7 @@ def of_stress(tests: StressTests) -> Tests:
     changes = (*viscoelastic(tests), *mullins(tests), *dated(tests), *temperature(tests))
     names = {change.name for change in changes}
     unseen = (text for name, text in UNSEEN.items() if name not in names)
-    return Tests(tests.readings.saying(*unseen), changes, tests.base_words, "MPa")
+    return tests.readings.changed_by(changes, *unseen)
 
 
 def mullins(tests: StressTests) -> list[Change]:
@@ -84,8 +84,7 @@ def dated(tests: StressTests) -> list[Change]:
     .. math:: P' = [1 + x (a_0 + \sum_j a_j L_j(s))] [P + r x (P - P_0)]
 
     x: share of the span; s: share of the base's range of strain; L: Legendre's polynomials; P_0: the base law. A network
-    that age cuts and links anew, or a foam whose cells give in, has another law and not the old one times a factor. The
-    shapes: size, or size and shape of the law, with relaxation as it was or changed too.
+    that age cuts and links anew, or a foam whose cells give in, has another law and not the old one times a factor.
     """
     base, found = tests.readings.base, []
     s = np.clip(tests.readings.table["share"].to_numpy(), 0.0, 1.0)
@@ -97,12 +96,11 @@ def dated(tests: StressTests) -> list[Change]:
 
             def apply(P, a, x=x, law=law):
                 q = len(law)
-                P = P + a[q] * x * (P - base) if len(a) > q else P
+                P = P + a[q] * x * (P - base)
                 return P * (1 + x * (bent[:, :q] @ a[:q]))
 
-            shape = {"from": span[0], "to": span[1], "per": unit, "of": f"{what} of the constitutive model"}
-            found.append(Change("ageing", law, apply, shape))
-            shape = shape | {"of": f"{shape['of']} and relaxation"}
+            of = f"{what} of the constitutive model and relaxation"
+            shape = {"from": span[0], "to": span[1], "per": unit, "of": of}
             found.append(Change("ageing", (*law, LOSS), apply, shape))
     return found
 

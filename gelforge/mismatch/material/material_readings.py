@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
 from scipy.linalg import solve_triangular
 
+from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.model.effect import Effect, Parameter, Shape
 
 FORCE_CLASS = (
     5e-3  # of a test's largest stress: an ordinary load cell's class, and what a digitised point is off by
@@ -37,6 +40,10 @@ class Dense(Covariance):
         """Return the logarithm of the determinant."""
         return 2 * float(np.log(np.diag(self._root)).sum())
 
+    def errors(self, directions: np.ndarray) -> np.ndarray:
+        """Return the directions (n, k) themselves: errors along them are drawn once."""
+        return directions
+
     def restricted(self, mask: np.ndarray) -> Dense:
         """Return the covariance of some entries, by a mask (n,) bool or by numbers."""
         return Dense(self.matrix[mask][:, mask])
@@ -46,9 +53,43 @@ class Dense(Covariance):
         return np.linalg.cholesky(self.matrix)
 
 
+# Of each effect: the experiment on a material that decides.
+DECIDED_BY = {
+    "viscoelastic": "hold at one strain for a hundred times the duration of the loading, and load at a tenth of its rate",
+    "mullins": "load again after a rest as long as ten loadings: damage stays, viscosity has recovered",
+    "ageing": "load three specimens at either date: each one's own stiffness is then distinguished from the date",
+    "temperature": "load one specimen at two temperatures, there and back",
+    "adhesion": "withdraw at a tenth of the speed, and from a tenth of the push",
+    "force_gain": "hang a known weight on the load cell",
+    "force_offset": "read the load cell without load before and after",
+    "force_drift": "read the load cell without load for as long as the test",
+    "force_hysteresis": "load and unload a steel spring",
+    "clock_offset": "tap once and compare the instants",
+}
+
+
+@dataclass(frozen=True)
+class Change:
+    """An effect in one shape: what (n,) becomes of a prediction (n,) at some values (p,); 0 is no effect."""
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    apply: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    shape: Shape = field(default_factory=dict)
+
+    @property
+    def effect(self) -> Effect:
+        """Return the effect of the catalogue with the parameters of this shape."""
+        return replace(CATALOGUE[self.name], parameters=self.parameters, separated_by=DECIDED_BY[self.name])
+
+    def scaled(self, scale: float) -> Change:
+        """Return the change with other plausible values."""
+        return replace(self, parameters=tuple(replace(p, width=scale * p.width) for p in self.parameters))
+
+
 @dataclass(frozen=True)
 class Readings:
-    """n reduced rows of material tests beside the nominal model.
+    """n reduced rows of material tests beside the nominal model, and what may change them.
 
     fixed and shared: the covariance of measured minus a prediction f that lacks nothing is fixed + S * outer(t, t), S the
     shared errors (of sample, law, strain: shares of the stress that is there) and t = |f / base|, 1 at most. Taken of the
@@ -66,10 +107,12 @@ class Readings:
     noise: np.ndarray  # (n,) standard deviation of a row by the instrument alone
     law: np.ndarray  # (n,) standard deviation that the nominal model's parameters and misfit bring
     zero: float  # standard deviation of the zero of stress or force
+    words: str  # what the nominal model is
     cannot_know: tuple[str, ...] = ()
     # (n,) bool: between plates, which cannot pull whatever the material does
     pushed: np.ndarray | None = None
     shared: np.ndarray | None = None  # (n, n); None: all errors are fixed
+    changes: tuple[Change, ...] = ()
 
     def covariance_of(self, prediction: np.ndarray) -> Dense:
         """Return the covariance of measured minus a prediction (n,)."""
@@ -83,25 +126,23 @@ class Readings:
         """Return the covariance of measured minus base if nothing is missing."""
         return self.covariance_of(self.base)
 
-    def saying(self, *more: str) -> Readings:
-        """Return the readings with more sentences on what they cannot show."""
-        return replace(self, cannot_know=(*self.cannot_know, *more))
+    def changed_by(self, changes: Sequence[Change], *unseen: str) -> Readings:
+        """Return the readings with what may change them, and sentences on what they cannot show."""
+        return replace(self, changes=tuple(changes), cannot_know=(*self.cannot_know, *unseen))
 
     def with_form_error(self) -> Readings:
         """Return the readings with the error allowed for every formula: along one branch, over FORM_LENGTH of it.
 
         It is the same for all sets of effects: an error in proportion to the change would favour what misses most.
         """
-        segment, x = self.table["segment"].to_numpy(), self.table["progress"].to_numpy()
+        x = self.table["progress"].to_numpy()
         near = np.exp(-np.abs(x[:, None] - x) / FORM_LENGTH)  # of all scales: a formula also misses a corner
-        off, sample = self.measured - self.base, self.table["sample"].to_numpy()
+        off, sample = self.measured - self.base, self.table["sample"]
         # of each test's stress: where effects cancel, their formulas' errors do not
-        share = np.zeros(len(off))
-        for name in np.unique(sample):
-            own = sample == name
-            share[own] = min(float(np.linalg.norm(off[own]) / np.linalg.norm(self.measured[own])), 1.0)
+        squares = pd.DataFrame({"off": off**2, "measured": self.measured**2}).groupby(sample).transform("sum")
+        share = np.minimum(np.sqrt(squares["off"] / squares["measured"]), 1.0).to_numpy()
         d = FORM_ERROR * np.hypot(off, share * self.measured)
-        return replace(self, fixed=self.fixed + np.outer(d, d) * near * (segment[:, None] == segment))
+        return replace(self, fixed=self.fixed + np.outer(d, d) * near * alike(self.table["segment"]))
 
 
 def binned(x: np.ndarray, rows: np.ndarray, count: int, low: float | None = None) -> list[np.ndarray]:
@@ -121,11 +162,20 @@ def means(groups: list[np.ndarray], values: np.ndarray) -> np.ndarray:
     return np.array([values[group].mean(axis=0) for group in groups])
 
 
-def row_noise(values: np.ndarray) -> float:
-    """Return the standard deviation of one row about the line through its neighbours (robust), 0 for few rows."""
-    if len(values) < 5:
-        return 0.0
-    return float(1.4826 * np.median(np.abs(values[1:-1] - (values[:-2] + values[2:]) / 2)) / np.sqrt(1.5))
+def reduced(
+    groups: list[np.ndarray], segment: Sequence[int] | np.ndarray, **values: np.ndarray
+) -> pd.DataFrame:
+    """Return a table of readings (k rows): values (m,) averaged over groups, their segments, and progress along these."""
+    table = pd.DataFrame({"segment": segment} | {name: means(groups, own) for name, own in values.items()})
+    by_segment = table.groupby("segment")["segment"]
+    last = (by_segment.transform("size") - 1).clip(lower=1)
+    return table.assign(progress=(by_segment.cumcount() / last).to_numpy())
+
+
+def alike(column: pd.Series) -> np.ndarray:
+    """Return 1 (n, n) where two rows have the same value, else 0."""
+    codes = pd.factorize(column)[0]
+    return (codes[:, None] == codes).astype(float)
 
 
 def misfit_covariance(share: np.ndarray, misfit: float) -> np.ndarray:

@@ -7,7 +7,7 @@ undeformed section, N/mm^2 = MPa, along z.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -18,20 +18,27 @@ from gelforge.csv_table import TableError
 from gelforge.files import digest, file_sha256, write_text
 from gelforge.materials.readers.material_source import MaterialSource
 from gelforge.mismatch.evidence.alternatives import NOTHING
-from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.goodness.scan import Atoms, GlobalTest, Scan, global_test, scan
-from gelforge.mismatch.material import material_words as words
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.goodness.residual_tests import both_tests
+from gelforge.mismatch.inference.answer import Answer, groups_of
+from gelforge.mismatch.inference.judge import LIKELY, Judgement
+from gelforge.mismatch.inference.proof import after_penalty, proof_of
 from gelforge.mismatch.material.contact_readings import pair_readings, press_readings
-from gelforge.mismatch.material.held_out import held_out_entry, patterns, pieces_of
+from gelforge.mismatch.material.held_out import held_pieces, patterns
 from gelforge.mismatch.material.material_effects import of_stress
-from gelforge.mismatch.material.material_models import Fitted, Tests, fitted, posterior_of
+from gelforge.mismatch.material.material_models import fitted, posterior_of, predicted
+from gelforge.mismatch.material.material_readings import Change, Readings
 from gelforge.mismatch.material.stress_readings import stress_tests
+from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.result import verdict as v
+from gelforge.mismatch.summary.findings import limits_of, verdict_of
+from gelforge.mismatch.terms.holdout import Blocks
+from gelforge.mismatch.terms.problem import Problem, never_solved
 from gelforge.progress import stage
 
 SEED = 20261121
 DRAWS = 2000
-LIKELY = 0.5
 
 
 @dataclass(frozen=True)
@@ -41,6 +48,106 @@ class Judged:
     name: str
     verdict: v.Verdict
     table: pd.DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialProblem(Problem):
+    """Material tests beside their nominal model: forces along z, one to a row; effects have parameters of their own."""
+
+    readings: Readings = field(kw_only=True)
+
+    @classmethod
+    def of(cls, readings: Readings) -> MaterialProblem:
+        """Return the problem of readings, in which changes are linear in their first parameter."""
+        table, n = readings.table, len(readings.table)
+        rows = pd.DataFrame(dict.fromkeys(COLUMNS, np.nan), index=range(n)).assign(
+            session=table["sample"], press=table["part"].astype(str), phase=table["branch"], site=0
+        )
+        observations = Observations(
+            rows,
+            _along_z(readings.measured, n),
+            np.zeros((1, 2)),
+            _along_z(readings.noise, n),
+            _along_z(readings.zero, n),
+            np.zeros(n),
+            np.zeros(n),
+            cannot_know=readings.cannot_know,
+        )
+        candidates, base = [], readings.base
+        for change in readings.changes:
+            first = change.parameters[0]
+            step = 0.1 * first.width * np.eye(len(change.parameters))[0]
+            column = (change.apply(base, step) - base)[:, None] / step[0]
+            prior_sd, sign = np.array([first.width]), np.array([first.sign])
+            candidates.append(Candidate(change.name, change.shape, column, prior_sd, sign))
+        effects = {change.name: change.effect for change in readings.changes}
+        beside = observations, _along_z(base, n), readings.covariance
+        return cls(*beside, candidates, effects, never_solved, {}, readings=readings)
+
+    def change_of(self, part: Candidate | Change) -> Change:
+        """Return a part's change with the plausible values of its effect, whatever scale of them had most evidence."""
+        return next(c for c in self.readings.changes if (c.name, c.shape) == (part.name, part.shape))
+
+    def effect_of(self, part: Candidate) -> Effect:
+        """Return the effect of a part with the parameters that it has in this shape."""
+        return self.change_of(part).effect
+
+    def with_model_error(self, parts: Sequence[Candidate], amounts: np.ndarray) -> MaterialProblem:
+        """Return the problem with the covariance that belongs to what is predicted with parts at amounts (p,)."""
+        prediction = predicted(self.readings, [self.change_of(part) for part in parts], amounts)
+        return replace(self, covariance=self.readings.covariance_of(prediction))
+
+
+def _along_z(values: np.ndarray | float, n: int) -> np.ndarray:
+    return np.where([False, False, True], np.broadcast_to(values, n)[:, None], np.nan)
+
+
+def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProblem, Judgement, pd.DataFrame]:
+    """Return material tests as a problem, the judgement on it, and the rows of material_readings.csv."""
+    rng, problem = np.random.default_rng(seed), MaterialProblem.of(readings)
+    held, atoms = held_pieces(readings.table, rng), patterns(readings)
+    out = (held != "no").to_numpy()
+    blocks = Blocks(~out, {f"held out: {', '.join(pd.unique(held[out]))}": out})
+    stage(f"{name}: what the nominal model leaves")
+    mismatch = both_tests(problem.residual, readings.covariance, atoms, rng, DRAWS)
+    stage(f"{name}: effects, alone and together")
+    erring = MaterialProblem.of(readings.with_form_error())
+    posterior, fits = posterior_of(erring.readings)
+    mode, answer, physical = next(iter(posterior.ranked()), NOTHING), None, True
+    state: v.State = "unexplained"
+    if mismatch.p >= v.ALARM_P:
+        state = "consistent" if any(limit.seen for limit in limits_of(problem)) else "inconclusive"
+    elif mode and posterior.probability[NOTHING] < LIKELY:
+        stage(f"{name}: the most probable effects at their plausible values, and what they leave")
+        found = fitted(erring.readings, [problem.change_of(change) for change in fits[mode].model])
+        fit, left, proof = found.refitted, readings.measured - found.prediction, None
+        if out.any():
+            proof = after_penalty(proof_of(erring, fit, left, blocks), erring, posterior)
+        nonzero = found.columns[:, found.judged.amounts != 0]
+        answer = Answer(
+            posterior=posterior,
+            winner=posterior.sets[mode],
+            fit=fit,
+            refits={effects: one.refitted for effects, one in fits.items()} | {mode: fit},
+            groups=groups_of(problem, posterior, fit),
+            after=_along_z(found.prediction, len(left)),
+            adequacy=both_tests(left, found.covariance, atoms, rng, DRAWS, nonzero),
+            proof=proof,
+            folds={},
+        )
+        sure = {group.members[0] for group in answer.sure}
+        values = zip(fit.parts, fit.amounts)
+        physical = all(problem.effect_of(part).in_range(a) for part, a in values if part.name in sure)
+        if physical and answer.adequacy.p > v.LEFT_P:
+            state = "identified" if sure else "ambiguous"
+    table = readings.table[["sample", "test", "part", "branch", "at", "time_s"]].assign(
+        measured=readings.measured,
+        base=readings.base,
+        after=np.nan if answer is None else answer.after[:, 2],
+        sigma=readings.covariance.standard_deviation,
+        held_out=held,
+    )
+    return problem, Judgement(state, blocks, mismatch, posterior, answer, None, (), not physical), table
 
 
 def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judged], list[str]]:
@@ -56,119 +163,25 @@ def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judge
     sources = {p.name: file_sha256(p) for p in source.files}
     for title, kind, sample, read in tried:
         try:
-            read_tests = read()
+            readings = read()
         except ValueError as error:
             reasons.append(f"{sample}: {error}")
             continue
-        found.append(_judged(title, read_tests, kind, sources, source.synthetic, seed))
-    return found, reasons
-
-
-def _judged(name: str, tests: Tests, kind: str, sources, synthetic: bool, seed: int) -> Judged:
-    rng, readings = np.random.default_rng(seed), tests.readings
-    pieces, atoms = pieces_of(readings.table, rng), patterns(readings)
-    stage(f"{name}: what the nominal model leaves")
-    residual, covariance = readings.measured - readings.base, readings.covariance
-    total, where = _tests_of(residual, covariance, atoms, rng)
-    differs = min(total.p, where.p) < v.ALARM_P
-    stage(f"{name}: effects, alone and together")
-    erring = readings.with_form_error()
-    posterior, fits = posterior_of(erring, tests.changes)
-    mode = next(iter(posterior.ranked()), NOTHING)
-    answer, adequacy, after, held_out = None, None, None, None
-    if differs and mode and posterior.probability[NOTHING] < LIKELY:
-        stage(f"{name}: the most probable effects at their plausible values, and what they leave")
-        answer = fitted(erring, [_own(tests, change) for change in fits[mode].model])
-        left = readings.measured - answer.prediction
-        test, remains = _tests_of(left, answer.covariance, atoms, rng, answer)
-        adequacy = v.Adequacy(p=test.p, scan_p=remains.p, remains=words.pattern_words(remains.best))
-        after = _score(left, answer.covariance)
-        if len(pieces.held) >= 2:
-            held_out = held_out_entry(erring, answer, [*fits.values()], pieces)
-    groups = words.group_entries(posterior, mode) if answer else []
-    effects = words.effect_entries(tests, posterior, fits, mode, answer)
-    limits = words.limit_entries(tests)
-    state = _state(differs, groups, {e.name: e.in_range for e in effects}, adequacy, limits)
-    base = tests.base_words + "; stresses are forces on 1 mm2 of undeformed section" * (tests.unit == "MPa")
-    verdict = v.Verdict(
-        title=f"{name}: {kind} against {tests.base_words}",
-        synthetic=synthetic,
-        state=state,
-        sentence="-",
-        mismatch=v.Mismatch(chi2=total.chi2, degrees=total.degrees, p=total.p, scan_p=where.p),
-        where=_where(where) if differs else [],
-        answer=groups,
-        effects=effects,
-        null_probability=posterior.probability[NOTHING],
-        fit=v.Fit(before=_score(residual, covariance), after=after, held_out=held_out),
-        adequacy=adequacy,
-        detection_limits=limits,
-        noise=words.noise_entry(readings),
-        next_experiments=words.experiment_entries(state, groups, limits),
-        cannot_know=list(readings.cannot_know),
-        provenance=v.Provenance(
+        problem, judgement, table = judge_tests(title, readings, seed)
+        provenance = v.Provenance(
             sessions=sources,
-            base=base,
+            base=readings.words,
             base_sha256=digest([round(float(x), 12) for x in readings.base]),
             seed=seed,
             draws=DRAWS,
             versions=v.versions(),
-        ),
-    )
-    sentence = words.sentence_of(name, tests, verdict, where.best.name)
-    table = words.readings_table(readings, answer.prediction if answer else None, pieces.of_row, pieces.held)
-    return Judged(name, verdict.model_copy(update={"sentence": sentence}), table)
-
-
-def _own(tests: Tests, change):
-    """Return a change with the plausible values that its effect has, whatever scale of them had most evidence."""
-    return next(one for one in tests.changes if (one.name, one.shape) == (change.name, change.shape))
-
-
-def _tests_of(
-    left: np.ndarray,
-    covariance: Covariance,
-    atoms: Atoms,
-    rng: np.random.Generator,
-    fit: Fitted | None = None,
-) -> tuple[GlobalTest, Scan]:
-    """Return the global test of what is left (n,), and the scan over atoms, what was fitted taken out."""
-    columns = None if fit is None else fit.columns[:, fit.judged.amounts != 0]
-    found = scan(covariance.whiten(left), atoms.whitened(covariance, columns), rng, DRAWS)
-    return global_test(left, covariance, columns), found
-
-
-def _score(left: np.ndarray, covariance: Covariance) -> v.Score:
-    axis = pd.DataFrame({"axis": np.full(len(left), 2)})
-    return v.score(axis, left, np.ones(len(left), bool), covariance.log_density(left))
-
-
-def _where(found: Scan) -> list[v.Where]:
-    """Return the three strongest patterns of a scan."""
-    return [
-        v.Where(
-            words=words.pattern_words(one),
-            channel="nominal stress or force",
-            snr=one.snr,
-            p=None if k else found.p,
         )
-        for k, one in enumerate(found.ranked[:3])
-    ]
-
-
-def _state(differs: bool, groups, in_range, adequacy, limits) -> v.State:
-    if not differs:
-        return "consistent" if any(limit.seen for limit in limits) else "inconclusive"
-    sure = [group for group in groups if group.probability >= v.SURE]
-    if adequacy is None or not adequacy.passed or not all(in_range[group.members[0]] for group in sure):
-        return "unexplained"
-    return "identified" if sure else "ambiguous"
-
-
-def write_judged(folder: Path, judged: Judged) -> None:
-    """Write verdict.json and material_readings.csv (nominal stress [MPa], or force [N] of indentations and pairs)."""
-    v.write_verdict(folder, judged.verdict)
-    write_text(folder / "material_readings.csv", judged.table.to_csv(index=False, float_format="%.9g"))
+        against = f"{title}: {kind} against {readings.words.partition(';')[0]}"
+        verdict = verdict_of(problem, judgement, against, source.synthetic, None, provenance)
+        law_N = [None, None, float(np.sqrt(np.mean(readings.law**2)))]
+        noise = verdict.noise.model_copy(update={"law_N": law_N})
+        found.append(Judged(title, verdict.model_copy(update={"noise": noise}), table))
+    return found, reasons
 
 
 def judge_sources(materials: Sequence[MaterialSource], seed: int = SEED) -> tuple[list[Judged], list[str]]:
@@ -181,3 +194,9 @@ def judge_sources(materials: Sequence[MaterialSource], seed: int = SEED) -> tupl
     if not found:
         raise TableError(f"no test can be judged: {'; '.join(reasons)}")
     return found, reasons
+
+
+def write_judged(folder: Path, judged: Judged) -> None:
+    """Write verdict.json and material_readings.csv (nominal stress [MPa], or force [N] of indentations and pairs)."""
+    v.write_verdict(folder, judged.verdict)
+    write_text(folder / "material_readings.csv", judged.table.to_csv(index=False, float_format="%.9g"))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gelforge.mismatch.material.material_models import Change
+from gelforge.mismatch.material.material_readings import Change
 from gelforge.mismatch.material.stress_readings import StressTests
 from gelforge.mismatch.model.effect import Parameter, Shape
 
@@ -107,11 +107,8 @@ def viscoelastic(tests: StressTests) -> list[Change]:
             np.vstack([p.reduced(lost(p.time_s, P, times, p.started_s)) for p, P in of_paths]),
         )
 
-    shapes = [losing(polynomial) for polynomial in LEGENDRE]
     (_, gone), own = losing(np.ones_like), table["is_base"].to_numpy()
-    rho, change = _beside_base(base, own, gone)
-    found = relaxations(base, own, gone, times, shapes)
-    if not found:
+    if np.abs(gone).max() <= 1e-6 * np.abs(base).max():
         return []
     kind, first = next(iter(tests.bases.items()))
     shares, slow = (a.ravel() for a in np.meshgrid(FLOW_STRAINS, FLOW_RATES, indexing="ij"))
@@ -121,67 +118,70 @@ def viscoelastic(tests: StressTests) -> list[Change]:
         strains = shares * tests.reach(p.test.test)
         largest = np.abs(base[own & (table["test"] == p.test.test).to_numpy()]).max()
         held.append(largest * shares * p.reduced(flow(p.time_s, p.strain, p.started_s, strains, rates)))
-    # One element more, which changes the readings whatever the law's shape; alone, and beside all decades.
-    k, more = len(times), [(phi, np.column_stack([L, 0 * phi])) for phi, L in shapes]
-    alone, beside = (
-        np.eye(k + 1)[:, [k]],
-        np.eye(k + 1)[:, [k]] * [1, 0] + np.r_[np.ones(k), 0][:, None] * [0, 1],
-    )
-    flows = -_beside_base(base, own, np.vstack(held))[1]
-    for column, share, rate in zip(flows.T, shares, rates):
-        both = np.r_[rho, 0.0], np.column_stack([change, column]), more
-        shape = {"flow_strain": float(share * tests.reach(kind)), "flow_rate_per_s": float(rate)}
-        found += [
-            _relaxing(*both, (FLOW,), alone, shape),
-            _relaxing(*both, (FLOW, DECADE), beside, shape | _all_decades(times)),
-        ]
-    return found
+    flows = [
+        {"flow_strain": float(share * tests.reach(kind)), "flow_rate_per_s": float(rate)}
+        for share, rate in zip(shares, rates)
+    ]
+    shapes = [losing(polynomial) for polynomial in LEGENDRE]
+    return relaxations(base, own, gone, times, shapes, np.vstack(held), flows)
 
 
 def relaxations(
-    base: np.ndarray, own: np.ndarray, gone: np.ndarray, times: np.ndarray, shapes: Sequence[Losing] = ()
+    base: np.ndarray,
+    own: np.ndarray,
+    gone: np.ndarray,
+    times: np.ndarray,
+    shapes: Sequence[Losing] = (),
+    held: np.ndarray | None = None,
+    flows: Sequence[Shape] = (),
 ) -> list[Change]:
-    """Return linear relaxation: one element, all decades alike (stress falls with the logarithm of time), a free spectrum.
-
-    gone (n, k): what elements lose of the base; own (n,) bool: readings that the base was fitted to.
-    """
-    if np.abs(gone).max() <= 1e-6 * np.abs(base).max():
-        return []
-    k, (rho, change) = len(times), _beside_base(base, own, gone)
-    each = tuple(Parameter(f"share_{t:.3g}s", "1", 0.2, (0.0, 5.0), PER_DECADE, 1) for t in times)
-    choices: list[tuple[tuple[Parameter, ...], np.ndarray, Shape]]
-    choices = [((ONE,), np.eye(k)[:, [i]], {"time_s": float(t)}) for i, t in enumerate(times)]
-    choices += [((DECADE,), np.ones((k, 1)), _all_decades(times)), (each, np.eye(k), {"spectrum": "free"})]
-    return [_relaxing(rho, change, shapes, *choice) for choice in choices]
-
-
-def _beside_base(base: np.ndarray, own: np.ndarray, gone: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return which share (k,) of the base is gone on average where it was fitted, and the change (n, k) of all but that."""
-    rho = base[own] @ gone[own] / (base[own] @ base[own])
-    return rho, rho * base[:, None] - gone
-
-
-def _all_decades(times: np.ndarray) -> dict[str, float | str]:
-    return {"spectrum": "all decades alike", "from_s": float(times[0]), "to_s": float(times[-1])}
-
-
-def _relaxing(rho, change, shapes: Sequence[Losing], parameters, spread, shape) -> Change:
-    r"""Return quasi-linear viscoelasticity (Fung 1993, sec. 7.6); spread (k, q): which elements the q values are of.
+    r"""Return linear relaxation and flow as quasi-linear viscoelasticity (Fung 1993, sec. 7.6), the elastic law fitted anew.
 
     .. math:: P = \sum_j c_j [\phi_j - \sum_i g_i (\phi_j - h_{ij})], \qquad a_i = c_0 g_i
 
     phi_0 is the base law, and the others are it times Legendre's polynomials over its range: what is fitted to the fastest
-    loading has relaxed there already, and stays there as it was on average.
+    loading has relaxed there already, and stays there as it was on average. An element of flow adds its stress whatever the
+    law's shape.
+
+    gone (n, k): what elements lose of the base; own (n,) bool: readings that the base was fitted to; held (n, f): what
+    elements of flow hold.
     """
-    q = len(parameters)
+    held = np.zeros((len(base), 0)) if held is None else held
+    # of each element: which share of the base it changes on average where that was fitted, and the change of all but that
+    mean = base[own] @ np.column_stack([gone, -held])[own] / (base[own] @ base[own])
+    change = mean * base[:, None] - np.column_stack([gone, -held])
+    rho = np.where(np.arange(len(mean)) < len(times), mean, 0.0)
+    shapes = [(phi, np.column_stack([L, np.zeros_like(held)])) for phi, L in shapes]
     law = [Parameter(f"law_shape_{j + 1}", "1", 0.3, (-2.0, 2.0), OTHER_SHAPE) for j in range(len(shapes))]
 
-    def apply(P, a):
-        elements = spread @ a[:q]
-        share = elements / (1 + elements @ rho)
-        return P + change @ elements + sum(c * (phi - L @ share) for c, (phi, L) in zip(a[q:], shapes))
+    def relaxing(parameters: Sequence[Parameter], spread: np.ndarray, shape: Shape) -> Change:
+        def apply(P, a):
+            elements = spread @ a[: len(parameters)]
+            share = elements / (1 + elements @ rho)
+            more = sum(c * (phi - L @ share) for c, (phi, L) in zip(a[len(parameters) :], shapes))
+            return P + change @ elements + more
 
-    return Change("viscoelastic", (*parameters, *law), apply, shape)
+        return Change("viscoelastic", (*parameters, *law), apply, shape)
+
+    return [relaxing(*choice) for choice in _choices(times, flows)]
+
+
+def _choices(
+    times: np.ndarray, flows: Sequence[Shape]
+) -> Iterator[tuple[tuple[Parameter, ...], np.ndarray, Shape]]:
+    """Yield values, which elements they are of (k + f, q), and shape: one element, all decades alike (stress falls with the
+    logarithm of time), a free spectrum, one element of flow, alone or beside all decades.
+    """
+    k, unit = len(times), np.eye(len(times) + len(flows))
+    decades = unit[:, :k].sum(axis=1)
+    alike: Shape = {"spectrum": "all decades alike", "from_s": float(times[0]), "to_s": float(times[-1])}
+    yield from (((ONE,), unit[:, [i]], {"time_s": float(t)}) for i, t in enumerate(times))
+    yield (DECADE,), decades[:, None], alike
+    each = tuple(Parameter(f"share_{t:.3g}s", "1", 0.2, (0.0, 5.0), PER_DECADE, 1) for t in times)
+    yield each, unit[:, :k], {"spectrum": "free"}
+    for i, shape in enumerate(flows, start=k):
+        yield (FLOW,), unit[:, [i]], shape
+        yield (FLOW, DECADE), np.column_stack([unit[:, i], decades]), {**shape, **alike}
 
 
 def relaxation_times(tests: StressTests) -> np.ndarray:

@@ -15,7 +15,7 @@ from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, alike_groups
 from gelforge.materials.covariates.effects import NEGLIGIBLE, scatter_between
 from gelforge.materials.fitting.curves import mean_curves, monotonic_loading
-from gelforge.materials.plausibility.findings import STRAIN_AT_START
+from gelforge.materials.plausibility.findings import STRAIN_AT_START, row_noise
 from gelforge.mismatch.material.material_law import BaseLaw, base_law
 from gelforge.mismatch.material.material_readings import (
     FORCE_CLASS,
@@ -23,7 +23,7 @@ from gelforge.mismatch.material.material_readings import (
     binned,
     means,
     misfit_covariance,
-    row_noise,
+    reduced,
 )
 
 KINDS = ("uniaxial", "compression", "pure_shear", "equibiaxial", "simple_shear")  # one stress for one stretch
@@ -58,7 +58,6 @@ class StressTests:
     readings: Readings
     paths: tuple[Path, ...]
     bases: dict[str, MaterialTest]  # by kind of test: whose fastest loading the law is fitted to
-    base_words: str
 
     def reach(self, kind: str) -> float:
         """Return the range of strain of a kind's nominal loading."""
@@ -95,13 +94,13 @@ def stress_tests(tests: list[MaterialTest]) -> StressTests:
         " specimens, and an offset or a gain of a single test's force, cannot be distinguished from it and are no"
         " physics here",
     ]
-    readings = _readings(paths, laws, bases, scatter, tuple(said))
-    words = (
+    words = " and ".join(
         f"{laws[kind].title} fitted to the loading of specimen {t.sample} ({kind.replace('_', ' ')}) at"
         f" {t.rate_per_s:.3g} 1/s"
         for kind, t in bases.items()
     )
-    return StressTests(readings, tuple(paths), bases, " and ".join(words))
+    words += "; stresses are forces on 1 mm2 of undeformed section"
+    return StressTests(_readings(paths, laws, bases, scatter, tuple(said), words), tuple(paths), bases)
 
 
 def fastest_loading(tests: list[MaterialTest]) -> MaterialTest | None:
@@ -191,7 +190,7 @@ def _scatter(tests: list[MaterialTest]) -> float:
     return float(np.sqrt(squares / (found.freedom + repeats)))
 
 
-def _readings(paths: list[Path], laws, bases, scatter: float, said: tuple[str, ...]) -> Readings:
+def _readings(paths: list[Path], laws, bases, scatter: float, said: tuple[str, ...], words: str) -> Readings:
     """Return the readings with the covariance of what a prediction errs by (see Readings)."""
     table = pd.concat([_rows(number, p, bases) for number, p in enumerate(paths)], ignore_index=True)
     table["segment"] = table.groupby(["path", "part"], sort=False).ngroup()
@@ -225,7 +224,7 @@ def _readings(paths: list[Path], laws, bases, scatter: float, said: tuple[str, .
         shared += size**2 * np.outer(pattern, pattern) * together
     return Readings(
         table, measured, base, np.diag(noise**2) + force**2 * same, noise, np.sqrt(np.diag(law)),
-        FORCE_CLASS * float(np.abs(measured).max()), said, (table["test"] == "compression").to_numpy(), shared,
+        FORCE_CLASS * float(np.abs(measured).max()), words, said, (table["test"] == "compression").to_numpy(), shared,
     )  # fmt: skip
 
 
@@ -234,19 +233,10 @@ def _rows(number: int, path: Path, bases) -> pd.DataFrame:
     kinds = [s.kind for s in test.segments]
     first_unload = kinds.index("unload") if "unload" in kinds else len(kinds)
     part = np.array([k for k, _ in path.branches], dtype=int)
+    own = {"at": test.stretch[: len(path.time_s)], "share": path.strain / _reach(base), "time_s": path.time_s}
+    table = reduced([rows for _, rows in path.branches], part, **own)
     branch = np.array(kinds)[part]
-    table = pd.DataFrame(
-        {
-            "path": number,
-            "test": test.test,
-            "sample": test.sample,
-            "part": part,
-            "branch": branch,
-            "at": path.reduced(test.stretch[: len(path.time_s)]),
-            "share": path.reduced(path.strain) / _reach(base),
-            "time_s": path.reduced(path.time_s),
-            "is_base": (test is base) & (branch == "load") & (part < first_unload),
-        }
+    is_base = (test is base) & (branch == "load") & (part < first_unload)
+    return table.assign(
+        path=number, test=test.test, sample=test.sample, part=part, branch=branch, is_base=is_base
     )
-    along, sizes = table.groupby("part").cumcount(), table.groupby("part")["part"].transform("size")
-    return table.assign(progress=(along / (sizes - 1).clip(lower=1)).to_numpy())

@@ -9,7 +9,11 @@ from gelforge.mismatch.model.effect import Effect, Shape
 # Of an effect as such; then, where one value says it all, with more and with less of it.
 PHRASES: dict[str, tuple[str, ...]] = {
     "adhesion": ("the surface sticks to the indenter",),
-    "ageing": ("the gel changes with age", "the gel stiffens with age", "the gel softens with age"),
+    "ageing": (
+        "the material changes with age",
+        "the material stiffens with age",
+        "the material softens with age",
+    ),
     "base_bending": ("the base under the gel bends",),
     "body_stiffness": (
         "all layers differ in stiffness",
@@ -63,7 +67,7 @@ PHRASES: dict[str, tuple[str, ...]] = {
     ),
     "linear_elasticity": ("the gel is not linear elastic as simulated",),
     "misregistration": ("the sensor lies elsewhere on the stage than assumed",),
-    "mullins": ("the gel softens where it has been strained before",),
+    "mullins": ("the material softens where it has been strained before",),
     "particle_settling": ("the particles have settled in the gel",),
     "prestretch": ("the gel is stretched before it is pressed",),
     "refraction": ("the camera looks through more refraction than assumed",),
@@ -73,11 +77,11 @@ PHRASES: dict[str, tuple[str, ...]] = {
         "the skin is {share} softer than simulated",
     ),
     "small_strain": ("strains are large and simulated as small",),
-    "temperature": ("the gel changes with temperature",),
+    "temperature": ("the material changes with temperature",),
     "thickness_gradient": ("the gel is thicker on one side",),
     "tilt": ("the sensor is tilted under the indenter",),
     "toe_region": ("a soft film lies on the surface",),
-    "viscoelastic": ("a soft layer relaxes while it is pressed",),
+    "viscoelastic": ("the material relaxes under load",),
     "void": ("there is a void in the gel",),
     "wall_gap": ("the gel has come off its wall",),
     "wall_side": ("the wall is broken, or the gel has come off it, on one side",),

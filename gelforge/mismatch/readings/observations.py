@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 import pandas as pd
+from pydantic import Field
 
+from gelforge.config import Section
 from gelforge.indentation.paths.places import POSITION_MATCH_MM, within
 
 COLUMNS = [
@@ -21,17 +24,16 @@ ARRAYS = [  # of observations, one row per reading
 PLACE_DIGITS = 6  # positions that agree so far [mm] are one
 
 
-@dataclass(frozen=True)
-class SetAside:
-    """A reading that is not judged."""
+class SetAside(Section):
+    """A reading that was left out."""
 
-    session: str
-    press: str  # as its session calls it
-    time_s: float
-    depth_mm: float
-    size: float  # standard deviations from what it should be
-    reason: str
-    axis: str | None = None  # x, y or z; None: all
+    session: str = Field(description="Its session")
+    press: str = Field(description="Its indentation, as its session calls it")
+    time_s: float | None = Field(None, description="Its time [s]")
+    depth_mm: float | None = Field(None, description="Its depth [mm]")
+    axis: Literal["x", "y", "z"] | None = Field(None, description="Its axis; empty: all")
+    size: float | None = Field(None, description="Standard deviations from what it should be [-]")
+    reason: str = Field(description="Why it was left out")
 
 
 def _zero() -> np.ndarray:

@@ -17,7 +17,6 @@ from gelforge.input_files import another_kind
 from gelforge.mismatch.readings.contact_point import depth_scatter, with_contact_point
 from gelforge.mismatch.readings.noise import reading_noise
 from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, PLACE_DIGITS, Observations, last_moves
-from gelforge.mismatch.readings.outliers import without_outliers
 from gelforge.mismatch.readings.zeros import zeros_together
 from gelforge.recording.readings import AXES, FORCE, Recording, read_recording
 from gelforge.recording.tables.checks import before_shear
@@ -84,7 +83,7 @@ def _of_session(
         recording, together.repeats if together else None
     )
     unknown += excluded
-    readings, dropped = without_outliers(recording, np.hypot(noise, rounding))
+    readings = recording.readings
     table = _table(session, readings, speed_mm_per_s, unknown)
     held, R = table.pop("held").to_numpy(), len(table)
     force = readings[FORCE].to_numpy(copy=True)
@@ -108,7 +107,6 @@ def _of_session(
         repeats=np.asarray(repeats),
         tails=np.asarray(tails),
         cannot_know=tuple(unknown),
-        set_aside=tuple(dropped),
     ).chosen(held)
 
 
@@ -122,7 +120,7 @@ def _joined(parts: Sequence[Observations], tolerance_mm: float) -> Observations:
         sites=sites,
         **arrays,
         cannot_know=tuple(dict.fromkeys(said for part in parts for said in part.cannot_know)),
-        set_aside=tuple(reading for part in parts for reading in part.set_aside),
+        set_aside=(),
     )
 
 

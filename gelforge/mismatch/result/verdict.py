@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -14,8 +15,9 @@ from pydantic import Field, ValidationError, model_validator
 from gelforge.config import Name, NonNegative, Positive, Section
 from gelforge.files import read_product_json, write_product_json
 from gelforge.mismatch.model.effect import FAMILIES
+from gelforge.mismatch.readings.observations import SetAside
 
-FORMAT: Final = "gelforge-verdict-3"
+FORMAT: Final = "gelforge-verdict-4"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
 
 # Of the global test, of the scan, of a discrepancy and of the known effects each: any is an alarm, so at most four in
@@ -55,14 +57,11 @@ class Where(Section):
     radius_mm: Positive | None = Field(None, description="Radius of the region about its centre [mm]")
     layer: str | None = Field(None, description="Layer in which a defect lies")
     depth_mm: Interval | None = Field(
-        None,
-        description="Depths of the indenter; with a layer those of a defect below the top, from and to [mm]",
+        None, description="Depths of the indenter, of a defect below the top [mm]"
     )
     time_s: Interval | None = Field(None, description="Times of the recording, from and to [s]")
     snr: NonNegative | None = Field(None, description="Signal over noise of this pattern [-]")
-    p: Probability | None = Field(
-        None, description="Probability of as much by chance anywhere that was looked at [-]"
-    )
+    p: Probability | None = Field(None, description="Of as much by chance anywhere that was looked at [-]")
 
 
 class Amount(Section):
@@ -72,19 +71,6 @@ class Amount(Section):
     unit: str = Field(description="Its unit")
     value: float = Field(description="Fitted value, 0 is the effect's absence [unit]")
     interval_90: Interval = Field(description="90 % interval [unit]")
-    bounds: Interval | None = Field(None, description="Physical range [unit]")
-    profile: list[tuple[float, float]] = Field(
-        [], description="Value [unit] and log likelihood, the rest fitted, relative to the best [-]"
-    )
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Amount:
-        low, high = self.interval_90
-        if low > high:
-            raise ValueError(
-                f"interval_90 of {self.name} is from {low:g} to {high:g}; give the lower end first"
-            )
-        return self
 
 
 class NamedEffect(Section):
@@ -96,23 +82,13 @@ class NamedEffect(Section):
     probability: Probability = Field(description="Probability that it is part of what is missing [-]")
     log_bayes_factor: float = Field(description="Log evidence over that of the null [-]")
     snr: NonNegative | None = Field(None, description="Signal over noise of its fitted change [-]")
-    snr_instrument: NonNegative | None = Field(
-        None, description="Of its change of all readings, over the instrument's noise alone [-]"
-    )
     amounts: list[Amount] = Field([], description="Fitted parameter values; none where it was not fitted")
-    shape: dict[str, float | str] = Field(
-        {}, description="Place, size, part, time constant; keys carry units"
-    )
+    shape: dict[str, float | str] = Field({}, description="Place, part, time constant; keys carry units")
     in_range: bool = Field(
         description="Values have their physical sign and lie inside their bounds; on a bound only where no larger value"
         " exists (a lost bond); of several values of one sign some may be zero"
     )
-    refitted: bool = Field(
-        False, description="Fitted in the finite elements; otherwise by sensitivities only"
-    )
-    group: list[str] = Field(
-        [], description="What these readings cannot distinguish it from, itself included"
-    )
+    refitted: bool = Field(False, description="Fitted in the finite elements; else by sensitivities only")
 
 
 class Unknown(Section):
@@ -130,18 +106,13 @@ class Group(Section):
         description="The leading effect, then those of its line: of the same sensitivities, whatever is read",
     )
     probability: Probability = Field(description="Probability that one of the members is there [-]")
-    alternatives: list[Name] = Field(
-        [], description="Other effects of the set, with other sensitivities, the most probable first"
-    )
+    alternatives: list[Name] = Field([], description="Other effects of the set, the most probable first")
     set_probability: Probability | None = Field(
         None, description="Probability that an effect of the set is there [-]; empty: as `probability`"
     )
-    shares: dict[str, Probability] = Field(
-        {}, description="Share of each effect in the set's probability; they add up to 1 [-]"
-    )
+    shares: dict[str, Probability] = Field({}, description="Of each effect in the set; they add up to 1 [-]")
     differs_N: NonNegative | None = Field(
-        None,
-        description="Largest difference of the readings that effects of the set predict, root mean square [N]",
+        None, description="Largest difference of the readings that effects of the set predict, rms [N]"
     )
     differs_snr: NonNegative | None = Field(None, description="The same, signal over noise [-]")
     decided_by: str = Field("", description="The experiment that distinguishes them")
@@ -171,17 +142,18 @@ class Score(Section):
 
     readings: int = Field(ge=0, description="Readings times axes that were compared [-]")
     rmse_N: ThreeAxes = Field(description="Root mean square of measured minus predicted, x, y, z [N]")
-    log_score: float = Field(description="Log predictive density of all of them together [-]")
 
 
-def score(labels: pd.DataFrame, left: np.ndarray, mask: np.ndarray, density: float) -> Score:
-    """Return how well a prediction that leaves (n,) [N] meets the entries (n,) bool with these labels, of a log density."""
-    axis = labels["axis"].to_numpy()
-    rmse = [
-        float(np.sqrt(np.mean(left[mask & (axis == k)] ** 2))) if (mask & (axis == k)).any() else None
-        for k in range(3)
-    ]
-    return Score(readings=int(mask.sum()), rmse_N=rmse, log_score=float(density))
+def by_axis(labels: pd.DataFrame, values: np.ndarray) -> list[float | None]:
+    """Return the root mean square of entries (n,) with these labels, by axis x, y, z; None of an axis without any."""
+    own = [values[labels["axis"] == k] for k in range(3)]
+    return [float(np.sqrt(np.mean(one**2))) if len(one) else None for one in own]
+
+
+def score(labels: pd.DataFrame, left: np.ndarray, mask: np.ndarray | None = None) -> Score:
+    """Return how well a prediction that leaves (n,) [N] meets entries with these labels: all, or some (n,) bool."""
+    mask = np.ones(len(left), bool) if mask is None else mask
+    return Score(readings=int(mask.sum()), rmse_N=by_axis(labels[mask], left[mask]))
 
 
 def shown(gain: float, standard_error: float) -> bool:
@@ -198,9 +170,7 @@ class HeldOut(Section):
     gain: float = Field(description="Log score after minus before [-]")
     standard_error: NonNegative = Field(description="Of the gain [-]")
     selection_penalty: float = Field(
-        0.0,
-        le=0,
-        description="Selection penalty of the gain, as these readings helped to choose the answer [-]",
+        0.0, le=0, description="Of the gain, as these readings helped to choose the answer [-]"
     )
 
     @property
@@ -212,9 +182,7 @@ class HeldOut(Section):
 class Flow(Section):
     """The camera's channel: flow of the particles in the images."""
 
-    used: Literal["fitted", "predicted"] = Field(
-        description="Whether it took part in the fit, or was predicted by it"
-    )
+    used: Literal["fitted", "predicted"] = Field(description="Part of the fit, or predicted by it")
     p: Probability = Field(description="Of the nominal model's residual by chance [-]")
     rmse_before_px: NonNegative = Field(description="Root mean square of measured minus predicted flow [px]")
     rmse_after_px: NonNegative | None = Field(None, description="The same with the effect in it [px]")
@@ -238,11 +206,9 @@ class Mismatch(Section):
     p: Probability = Field(description="Of as much by chance [-]")
     scan_p: Probability = Field(description="Of the strongest pattern by chance, looked for everywhere [-]")
     unknown_p: Probability | None = Field(
-        None, description="Bound on the probability of so much evidence for a discrepancy by chance [-]"
+        None, description="Bound on that of so much evidence for a discrepancy by chance [-]"
     )
-    known_p: Probability | None = Field(
-        None, description="Bound on the probability of so much evidence for the known effects by chance [-]"
-    )
+    known_p: Probability | None = Field(None, description="Bound on the same for the known effects [-]")
 
 
 class Adequacy(Section):
@@ -271,9 +237,7 @@ class DetectionLimit(Section):
     effect: Name = Field(description="Canonical name")
     parameter: str = Field(description="The parameter")
     unit: str = Field(description="Its unit")
-    amount: Positive | None = Field(
-        description="Smallest value that would be detected [unit]; empty: none would"
-    )
+    amount: Positive | None = Field(description="Smallest value that would be seen [unit]; empty: none would")
     plausible: Positive = Field(description="A plausible value, the standard deviation of its prior [unit]")
 
     @property
@@ -282,41 +246,15 @@ class DetectionLimit(Section):
         return self.amount is not None and self.amount <= self.plausible
 
 
-class NoiseCase(Section):
-    """The verdict under another noise than the stated."""
-
-    scale: Positive = Field(description="Of all of the instrument's noise, 1 is as stated [-]")
-    sigma_z_N: Positive = Field(description="Standard deviation of a reading of Fz at this scale [N]")
-    state: State = Field(description="The state that it gives")
-    answer: list[list[Name]] = Field([], description="The groups that it gives")
-    beside: list[Name] = Field(
-        [], description="Effects that fit the residual of the answer, none of them sure enough to be named"
-    )
-    probability: Probability | None = Field(None, description="Of the groups [-]")
-    p: Probability | None = Field(None, description="Of the mismatch by chance [-]")
-
-
 class Noise(Section):
-    """The errors that were allowed for, and what the verdict would be with others."""
+    """The errors that were allowed for: standard deviations, root mean square over readings."""
 
-    stated_N: ThreeAxes = Field(description="Standard deviation of one reading, x, y, z [N]")
+    stated_N: ThreeAxes = Field(description="Of one reading, x, y, z [N]")
     zero_N: ThreeAxes = Field(description="Of the subtracted zero, one draw per indentation, x, y, z [N]")
-    contact_point_scatter_mm: NonNegative = Field(description="Of the depth, both errors below together [mm]")
-    press_depth_mm: NonNegative | None = Field(
-        None, description="Of the depth, one draw per indentation [mm]"
-    )
-    session_depth_mm: NonNegative | None = Field(
-        None, description="Of the depth, one draw per session: its contact point [mm]"
-    )
-    floor_N: ThreeAxes = Field(
-        description="Of the nominal model's discretisation, root mean square, x, y, z [N]"
-    )
-    law_N: ThreeAxes = Field(
-        description="Of the nominal model's fitted constitutive models, root mean square, x, y, z [N]"
-    )
-    sensitivity: list[NoiseCase] = Field(
-        [], description="The verdict over the scale of the stated noise, where that was asked"
-    )
+    press_depth_mm: NonNegative = Field(0.0, description="Of the depth, one draw per indentation [mm]")
+    session_depth_mm: NonNegative = Field(0.0, description="Of the depth, one draw per session [mm]")
+    floor_N: ThreeAxes = Field(description="Of the nominal model's discretisation, x, y, z [N]")
+    law_N: ThreeAxes = Field(description="Of its fitted constitutive models, x, y, z [N]")
 
 
 class Experiment(Section):
@@ -327,18 +265,6 @@ class Experiment(Section):
     presses: int | None = Field(None, ge=0, description="Indentations that it takes [-]")
     cost_s: NonNegative | None = Field(None, description="Time that it takes [s]")
     expected_log_odds: float | None = Field(None, description="Expected log odds of the right one [-]")
-
-
-class Outlier(Section):
-    """A reading that was left out."""
-
-    session: str = Field(description="Its session")
-    press: str = Field(description="Its indentation")
-    time_s: float | None = Field(None, description="Its time [s]; empty: the whole indentation")
-    depth_mm: float | None = Field(None, description="Its depth [mm]; empty: the whole indentation")
-    axis: Literal["x", "y", "z"] | None = Field(None, description="Its axis; empty: all")
-    size: float | None = Field(None, description="Its residual over the standard deviation [-]")
-    reason: str = Field(description="Why it was left out")
 
 
 class Model(Section):
@@ -393,11 +319,9 @@ class Provenance(Section):
 class Verdict(Section):
     """The verdict on one recording of a study."""
 
-    format: Literal["gelforge-verdict-3"] = Field(FORMAT, description="Of this file")
+    format: Literal["gelforge-verdict-4"] = Field(FORMAT, description="Of this file")
     title: str = Field(description="What was judged, a few words")
-    synthetic: bool = Field(
-        description="Readings come from a virtual lab or another solver, not from a sensor"
-    )
+    synthetic: bool = Field(description="Readings come from a virtual lab or another solver, not a sensor")
     state: State = Field(description="What was found")
     sentence: str = Field(min_length=1, description="The verdict in one plain sentence")
     mismatch: Mismatch = Field(description="Whether there is anything to explain")
@@ -406,9 +330,7 @@ class Verdict(Section):
         [], description="What is missing: one effect of each group is there, the most probable group first"
     )
     effects: list[NamedEffect] = Field([], description="All that were tried, the most probable first")
-    unknown: Unknown | None = Field(
-        None, description="The discrepancy: what no known effect explains, with its probability"
-    )
+    unknown: Unknown | None = Field(None, description="The discrepancy: what no known effect explains")
     null_probability: Probability = Field(description="Probability that nothing is missing [-]")
     fit: Fit = Field(description="Before and after, on all readings and on those held out")
     adequacy: Adequacy | None = Field(None, description="What remains after the answer")
@@ -417,7 +339,7 @@ class Verdict(Section):
     noise: Noise = Field(description="Errors that were allowed for")
     next_experiments: list[Experiment] = Field([], description="What would decide, the best first")
     cannot_know: list[str] = Field([], description="What these readings cannot show and why, a sentence each")
-    outliers: list[Outlier] = Field([], description="Readings that were left out")
+    outliers: list[SetAside] = Field([], description="Readings that were left out")
     sensor: SensorShape | None = Field(None, description="The sensor as drawn; empty for a material test")
     provenance: Provenance = Field(description="What the verdict rests on")
     tables: dict[str, str] = Field({}, description="SHA-256 of each table in the same folder, by its name")
@@ -456,49 +378,34 @@ class Verdict(Section):
         """Return the groups of the answer that are as probable as a claim has to be."""
         return [group for group in self.answer if group.probability >= SURE]
 
-    @property
-    def _free_cause(self) -> bool:
-        return self.model is not None and self.model.sure
-
     @model_validator(mode="after")
     def _consistent(self) -> Verdict:
-        complaint = self._answer_fault() or (self._identified_fault() if self.identified else "")
-        if complaint:
-            raise ValueError(complaint)
+        for fault in self._faults():
+            raise ValueError(fault)
         return self
 
-    def _answer_fault(self) -> str:
-        """Return why state and answer do not belong together, or nothing."""
-        tried = {effect.name for effect in self.effects}
-        unknown = [name for group in self.answer for name in group.names if name not in tried]
-        if unknown:
-            return (
-                f"answer names {unknown}, which are not among the effects; list every effect that was tried"
-            )
-        if self.state in ("identified", "ambiguous") and not self.answer and not self._free_cause:
-            return f"state {self.state} without an answer; give its groups"
-        if self.state == "consistent" and self.answer:
-            return (
-                f"state {self.state} with the answer {[g.names for g in self.answer]}; leave the answer out"
-            )
-        if self.answer and self.fit.after is None:
-            return "an answer without a fit after it; give fit.after"
-        return ""
-
-    def _identified_fault(self) -> str:
-        """Return which of the conditions of a name is not met, or nothing."""
+    def _faults(self) -> Iterator[str]:
+        """Yield why the state claims more than the numbers show."""
         effects = {effect.name: effect for effect in self.effects}
-        if not self.sure and not self._free_cause:
+        free_cause = self.model is not None and self.model.sure
+        if unknown := [name for group in self.answer for name in group.names if name not in effects]:
+            yield f"answer names {unknown}, which are not among the effects; list every effect that was tried"
+        if self.state in ("identified", "ambiguous") and not self.answer and not free_cause:
+            yield f"state {self.state} without an answer; give its groups"
+        if self.state == "consistent" and self.answer:
+            yield f"state consistent with the answer {[g.names for g in self.answer]}; leave the answer out"
+        if self.answer and self.fit.after is None:
+            yield "an answer without a fit after it; give fit.after"
+        if not self.identified:
+            return
+        if not self.sure and not free_cause:
             most = max(group.probability for group in self.answer)
-            return f"identified, but no line of effects has a probability of {SURE:g}, the largest is {most:g}: ambiguous"
+            yield f"identified, but no line of effects has a probability of {SURE:g}, the largest is {most:g}: ambiguous"
         for group in self.sure:
             if not effects[group.members[0]].in_range:
-                return f"identified, but {group.members[0]} is outside its physical range or on its bounds: unexplained"
+                yield f"identified, but {group.members[0]} is outside its physical range or on its bounds: unexplained"
         if self.model is None and (self.adequacy is None or not self.adequacy.passed):
-            return (
-                f"identified, but what remains is not noise (adequacy p > {LEFT_P:g} is needed): unexplained"
-            )
-        return ""
+            yield f"identified, but what remains is not noise (adequacy p > {LEFT_P:g} is needed): unexplained"
 
 
 def versions() -> dict[str, str]:

@@ -11,67 +11,51 @@ detection_limits.csv  the smallest value of each effect that these readings woul
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from gelforge.csv_table import read_csv
 from gelforge.files import check_seal, file_sha256, write_text
 from gelforge.mismatch.result.verdict import DetectionLimit, Verdict, VerdictError, read_verdict
 
 READINGS, BODY_MAP, FLOW, CORRECTION = "readings.csv", "body_map.csv", "flow.csv", "correction.csv"
 MODULE, LIMITS = "module.csv", "detection_limits.csv"
 REMEDY = "write it anew with `gelforge mismatch`"
-
-
-@dataclass(frozen=True)
-class Columns:
-    """Columns of a table, in their order; optional ones may be absent, and their cells empty."""
-
-    texts: tuple[str, ...] = ()
-    numbers: tuple[str, ...] = ()
-    optional: tuple[str, ...] = ()
-    gaps: bool = False  # numbers may be empty too
-    others: bool = False  # all columns of the table are written, in its own order
+TEXTS = (
+    *("session", "press", "site", "phase", "axis", "held_out"),
+    *("quantity", "effect", "parameter", "unit"),
+)
 
 
 def _of(axes: str, unit: str, *names: str) -> tuple[str, ...]:
     return tuple(f"{name}_{axis}_{unit}" for axis in axes for name in names)
 
 
-COLUMNS = {
+# Columns of each table, in their order, and those that may be absent. Cells are empty where there is nothing.
+COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     # time_s (of the session) is empty where no times are known. after_N: with the answer and the model in the base, empty
     # where there is neither; predicted_N: the same fitted without the readings held out. sigma_N and after_sigma_N: standard
     # deviation of measured minus base, and minus after. held_out: no, or the name of the block.
-    READINGS: Columns(
-        ("session", "press", "site", "phase", "axis", "held_out"),
-        ("x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"),
+    READINGS: (
+        (*TEXTS[:6], "x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N"),
         ("time_s", "after_N", "predicted_N", "after_sigma_N"),
     ),
     # a patch's centre, the relative change of its modulus and the standard deviation of that
-    BODY_MAP: Columns(numbers=("x_mm", "y_mm", "z_mm", "change", "sigma")),
+    BODY_MAP: (("x_mm", "y_mm", "z_mm", "change", "sigma"), ()),
     # middle of a region in the image as taken, from the top left pixel's middle, and its mean flow since the reference image
-    FLOW: Columns(
-        ("session", "press"),
+    FLOW: (
         (
-            "x_mm",
-            "y_mm",
-            "depth_mm",
-            "middle_u_px",
-            "middle_v_px",
+            *("session", "press", "x_mm", "y_mm", "depth_mm", "middle_u_px", "middle_v_px"),
             *_of("uv", "px", "measured", "base", "sigma"),
         ),
         _of("uv", "px", "after"),
     ),
     # one row per judged place and depth while loading; cells are empty where the model does not hold
-    CORRECTION: Columns(
-        numbers=("x_mm", "y_mm", "depth_mm", *_of("xyz", "N", "base", "change", "sigma")), gaps=True
-    ),
-    # in addition what the map is a function of
-    MODULE: Columns(("quantity", "unit"), ("mean", "sigma"), others=True),
+    CORRECTION: (("x_mm", "y_mm", "depth_mm", *_of("xyz", "N", "base", "change", "sigma")), ()),
+    # in addition, and first, what the map is a function of
+    MODULE: (("quantity", "unit", "mean", "sigma"), ()),
     # smallest value that would be detected (empty: none would) and a plausible one [unit]
-    LIMITS: Columns(("effect", "parameter", "unit"), ("amount", "plausible"), gaps=True),
+    LIMITS: (("effect", "parameter", "unit", "amount", "plausible"), ()),
 }
 DIGITS = {LIMITS: "%.3g"}
 
@@ -82,24 +66,24 @@ def write_tables(folder: str | Path, tables: Mapping[str, pd.DataFrame | None]) 
     Raises VerdictError, before anything is written, for a table without a column that it needs.
     """
     for name, table in tables.items():
-        if table is not None and (missing := [c for c in _needed(COLUMNS[name]) if c not in table]):
+        if table is not None and (missing := [c for c in COLUMNS[name][0] if c not in table]):
             raise VerdictError(f"{Path(folder) / name}: columns {missing} are missing; found {[*table]}")
     found = {}
     for name, table in tables.items():
-        path, known = Path(folder) / name, COLUMNS[name]
+        path, (needed, optional) = Path(folder) / name, COLUMNS[name]
         if table is None:
             path.unlink(missing_ok=True)
             continue
-        optional = [column for column in known.optional if column in table]
-        chosen = table if known.others else table[[*_needed(known), *optional]]
-        write_text(path, chosen.to_csv(index=False, float_format=DIGITS.get(name, "%.9g")))
+        if name != MODULE:
+            table = table[[*needed, *(column for column in optional if column in table)]]
+        write_text(path, table.to_csv(index=False, float_format=DIGITS.get(name, "%.9g")))
         found[name] = file_sha256(path)
     return found
 
 
 def limits_table(limits: Sequence[DetectionLimit]) -> pd.DataFrame:
     """Return the rows of detection_limits.csv."""
-    return pd.DataFrame([limit.model_dump() for limit in limits], columns=_needed(COLUMNS[LIMITS]))
+    return pd.DataFrame([limit.model_dump() for limit in limits], columns=COLUMNS[LIMITS][0])
 
 
 def check_tables(folder: str | Path, verdict: Verdict) -> None:
@@ -114,16 +98,12 @@ def read_table(folder: str | Path, name: str, tables: Mapping[str, str] | None =
     tables: SHA-256 by name, in place of those that the verdict states. Raises VerdictError for a table that is missing,
     damaged or edited.
     """
-    known = COLUMNS[name]
     stated = (read_verdict(folder).tables if tables is None else tables).get(name)
     if stated is None:
         return None
     path = Path(folder) / name
     check_seal(path, REMEDY, VerdictError, stated)
-    always, maybe = ((), known.numbers) if known.gaps else (known.numbers, ())
-    read = read_csv(path, numbers=always, optional_numbers=(*maybe, *known.optional), texts=known.texts)
-    return read.reset_index(drop=True)
-
-
-def _needed(columns: Columns) -> list[str]:
-    return [*columns.texts, *columns.numbers]
+    read = pd.read_csv(path, dtype=dict.fromkeys(TEXTS, str), na_values=[""], keep_default_na=False)
+    absent = [column for column in COLUMNS[name][1] if column not in read]
+    read = read.assign(**dict.fromkeys(absent, float("nan")))
+    return read.astype({column: float for column in read if column not in TEXTS})

@@ -29,20 +29,14 @@ def page(catalogue: Mapping[str, Effect]) -> str:
     ranked = sorted(catalogue.values(), key=lambda effect: (FAMILIES.index(effect.family), effect.name))
     unforced = [effect.name for effect in ranked if effect.to_forces is None]
     foot = f"\nNot tried on forces, as they change images only: {', '.join(unforced)}.\n" if unforced else ""
-    return HEAD + "".join(row(effect) for effect in ranked) + foot
+    return HEAD + "".join(map(row, ranked)) + foot
 
 
-def row(effect: Effect) -> str:
+def row(one: Effect) -> str:
     """Return the effect's line of the table."""
-    amounts = "on or off" if effect.binary else parameters(effect.parameters)
-    cells = (
-        effect.name,
-        effect.family,
-        amounts,
-        effect.signature,
-        ", ".join(effect.confused_with),
-        effect.separated_by,
-    )
+    amounts = "on or off" if one.binary else parameters(one.parameters)
+    confused = ", ".join(one.confused_with)
+    cells = (one.name, one.family, amounts, one.signature, confused, one.separated_by)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
 

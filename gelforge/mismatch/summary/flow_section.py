@@ -31,14 +31,15 @@ def flow_section(joint: Problem, judgement: Judgement, after: np.ndarray | None)
         return None
     fitted = len(judgement.blocks.train) == len(joint.labels)
     mask = np.arange(len(joint.labels)) >= joint.flow.entries
-    before, left = joint.residual[mask], None
-    if after is not None:
-        left = joint.observations.flat(joint.observations.force - after)[mask]
+
+    def rms(values: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(joint.observations.flat(joint.observations.force - values)[mask] ** 2)))
+
     return form.Flow(
         used="fitted" if fitted else "predicted",
-        p=global_test(before, joint.covariance.restricted(mask)).p,
-        rmse_before_px=float(np.sqrt(np.mean(before**2))),
-        rmse_after_px=None if left is None else float(np.sqrt(np.mean(left**2))),
+        p=global_test(joint.residual[mask], joint.covariance.restricted(mask)).p,
+        rmse_before_px=rms(joint.base),
+        rmse_after_px=None if after is None else rms(after),
     )
 
 

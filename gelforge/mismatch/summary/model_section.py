@@ -17,24 +17,22 @@ def model_section(problem: Problem, judgement: Judgement) -> form.Model | None:
     model = judgement.model
     if model is None:
         return None
-    mask = judgement.blocks.held_out
+    mask, named = judgement.blocks.held_out, model.module is not None and model.module.named
     proof = judgement.answer.proof if judgement.answer is not None and model.beside else None
-    before = problem.residual if proof is None else proof.left
-    axis = problem.labels["axis"].to_numpy()
-    largest = [float(np.abs(model.change[axis == k]).max()) if (axis == k).any() else None for k in range(3)]
+    changes = [np.abs(model.change[problem.labels["axis"] == k]) for k in range(3)]
     return form.Model(
-        cause=None if model.module is None or not model.module.named else model.module.name,
-        probability=None if model.module is None or not model.module.named else model.probability,
+        cause=model.module.name if model.module is not None and named else None,
+        probability=model.probability if named else None,
         words=f"a change of {model.kernel}" if model.module is None else in_words(model),
         beside=[part.name for part in judgement.answered.fit.parts] if model.beside else [],
-        largest_N=largest,
+        largest_N=[float(change.max()) if len(change) else None for change in changes],
         depth_mm=model.span.depth_mm,
         sites=len(model.sites),
         corrects_labels=model.of_place,
         held_out=form.HeldOut(
             block="all",
-            before=form.score(problem.labels, before, mask, model.scores["before"]["score"].sum()),
-            after=form.score(problem.labels, model.left, mask, model.scores["after"]["score"].sum()),
+            before=form.score(problem.labels, problem.residual if proof is None else proof.left, mask),
+            after=form.score(problem.labels, model.left, mask),
             gain=model.gain.total,
             standard_error=model.gain.standard_error,
         ),
@@ -51,13 +49,6 @@ def in_words(model: Modelled) -> str:
     return f"{module.says}: {best['quantity']} {size} {module.where(best)}"
 
 
-def _of_readings(problem: Problem, entries: np.ndarray) -> np.ndarray:
-    """Return entries (n,) as (R, 3), nan where an axis was not read."""
-    found = np.full(problem.base.shape, np.nan)
-    found[problem.observations.read] = entries
-    return found
-
-
 def correction_table(problem: Problem, model: Modelled | None) -> pd.DataFrame | None:
     """Return the rows of correction.csv: the change of simulated forces at every judged place and depth while loading.
 
@@ -65,21 +56,18 @@ def correction_table(problem: Problem, model: Modelled | None) -> pd.DataFrame |
     """
     if model is None or not model.of_place:
         return None
-    table = problem.observations.table
-    rows = table[table["phase"] == "load"].drop_duplicates(["x_mm", "y_mm", "depth_mm"])
-    rows = rows.sort_values(["y_mm", "x_mm", "depth_mm"])
+    place, table = ["x_mm", "y_mm", "depth_mm"], problem.observations.table
+    rows = table[table["phase"] == "load"].drop_duplicates(place).sort_values(["y_mm", "x_mm", "depth_mm"])
     force = problem.base[rows.index]
     if model.module is None:
-        x, y, depth = (rows[name].to_numpy(float) for name in ("x_mm", "y_mm", "depth_mm"))
+        x, y, depth = rows[place].to_numpy(float).T
         change, sigma, _ = model.at(x, y, depth, force)
     else:
-        assert model.spread is not None  # of a cause
-        change, sigma = (_of_readings(problem, own)[rows.index] for own in (model.change, model.spread))
-    found = rows[["x_mm", "y_mm", "depth_mm"]].reset_index(drop=True)
+        both = np.full((2, *problem.base.shape), np.nan)  # nan where an axis was not read
+        both[:, problem.observations.read] = model.change, model.spread
+        change, sigma = both[:, rows.index]
+    found = rows[place].reset_index(drop=True)
     for k, axis in enumerate(AXES):
-        found[f"base_{axis}_N"], found[f"change_{axis}_N"], found[f"sigma_{axis}_N"] = (
-            force[:, k],
-            change[:, k],
-            sigma[:, k],
-        )
+        for name, values in (("base", force), ("change", change), ("sigma", sigma)):
+            found[f"{name}_{axis}_N"] = values[:, k]
     return found

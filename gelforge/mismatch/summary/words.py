@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from gelforge.mismatch.goodness.scan import Finding
 from gelforge.mismatch.inference.answer import Answer, Group
 from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.model.effect_words import with_amount
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.refit import End
 
 MOST_CLAUSES = 2  # of a headline
 MOST_WORDS = 25  # of a headline
@@ -88,7 +84,7 @@ def _why_unexplained(judgement: Judgement) -> str:
     if judgement.model is not None:
         return f"a change of {judgement.model.kernel} predicts held-out readings"
     if judgement.answer is None:
-        return "no effect could be fitted"
+        return "no effect is probable enough, or none could be fitted"
     if judgement.out_of_range:
         return "the best one needs a value that is not physical"
     if judgement.answer.adequacy.p <= form.LEFT_P:
@@ -96,24 +92,12 @@ def _why_unexplained(judgement: Judgement) -> str:
     return f"a change of {judgement.answer.discrepancy_words} is more probable"
 
 
-def plain(finding: Finding) -> str:
-    """Return a pattern of the scan in words that follow "most clearly"."""
-    name, _, kind = finding.name.rpartition(", ")  # the last comma: places hold one of their own
-    before = {"depth": "", "position": "", "axis": "", "wave": "as a ", "phase": "in "}.get(finding.kind, "")
-    if finding.kind == "depth" and name[0] == "d":
-        before = "at "
-    how = {"share of the force": " in proportion to the force"}.get(kind, f" in the {kind}" if kind else "")
-    return f"{before}{name}{how}"
+def shortcomings(problem: Problem, judgement: Judgement) -> list[str]:
+    """Return what an answer leaves, which fits are not final, and which effects could not be tried."""
+    return [*_left_over(judgement), *_unfinished(judgement.answer), *uncomputed(problem)]
 
 
-def experiments_in_words(groups: Sequence[form.Group]) -> list[form.Experiment]:
-    """Return the experiments that the effects' own files name for what cannot be distinguished."""
-    return [
-        form.Experiment(words=group.decided_by, separates=group.names) for group in groups if group.decided_by
-    ]
-
-
-def left_over(judgement: Judgement) -> list[str]:
+def _left_over(judgement: Judgement) -> list[str]:
     """Return what an answer that is given leaves, where that is too little to doubt it and too much to pass over."""
     if judgement.answer is None or judgement.state == "unexplained":
         return []
@@ -121,15 +105,15 @@ def left_over(judgement: Judgement) -> list[str]:
     if left.p > form.ADEQUATE_P:
         return []
     return [
-        f"something small may be there in addition to the answer, most clearly {plain(left.scan.best)}: as much is left by"
+        f"something small may be there in addition to the answer, most clearly {left.scan.best.name}: as much is left by"
         f" chance with p = {left.p:.2g}; below {form.LEFT_P:g} nothing would have been identified"
     ]
 
 
-def unfinished(answer: Answer | None) -> list[str]:
+def _unfinished(answer: Answer | None) -> list[str]:
     """Return which fits were cut short: their values would still change by more than their intervals show."""
     fits = [] if answer is None else [*answer.refits.values(), answer.fit]
-    names = dict.fromkeys(fit.name.replace("_", " ") for fit in fits if fit.end is End.MOVING)
+    names = dict.fromkeys(fit.name.replace("_", " ") for fit in fits if not fit.converged)
     if not names:
         return []
     return [

@@ -91,6 +91,10 @@ class Problem:
         """Return the candidates that are no data-entry errors."""
         return [one for one in self.candidates if not self.effects[one.name].data_entry_error]
 
+    def effect_of(self, part: Any) -> Effect:
+        """Return the effect of a part, or of whatever has its name and shape."""
+        return self.effects[part.name]
+
     def with_model_error(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
         """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""
         return self.scattering(parts, amounts).erring(parts, amounts)

@@ -26,14 +26,37 @@ class Frame:
     image: np.ndarray
 
 
-def by_number(path: Path) -> list[tuple[int, int, str]]:
-    """Return a key that sorts names with numbers by these: frame_2 before frame_10, 1.25 before 1.5."""
-    parts = re.split(r"(\d+(?:\.\d+)?)", path.name)
-    keys: list[tuple[int, int, str]] = []
-    for number, text in enumerate(parts):
-        whole, _, fraction = text.partition(".")
-        keys.append((0, int(whole), fraction) if number % 2 else (1, 0, text))
-    return keys
+def images_in(folder: Path) -> list[Path]:
+    """Return the images of a folder by the numbers in their names: frame_2 before frame_10, 1.25 before 1.5.
+
+    Where the part after a point counts, as in cam1.2 and cam1.10, it is a number of its own: no decimal fraction is written
+    with a last zero here and with fewer digits there.
+    """
+    paths = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
+    names = {path: re.split(r"(\d+(?:\.\d+)?)", path.stem) for path in paths}
+    fractions: dict[int, set[str]] = {}
+    for parts in names.values():
+        for slot in range(1, len(parts), 2):
+            fractions.setdefault(slot, set()).add(parts[slot].partition(".")[2])
+    counted = {slot for slot, texts in fractions.items() if _counts(texts - {""})}
+
+    def key(path: Path) -> tuple[list[tuple[int, int, int, str]], str]:
+        keys = []
+        for slot, text in enumerate(names[path]):
+            whole, _, fraction = text.partition(".")
+            if slot % 2:
+                keys.append((0, int(whole), int(fraction or 0) if slot in counted else 0, fraction))
+            else:
+                keys.append((1, 0, 0, text))
+        return keys, path.suffix
+
+    return sorted(paths, key=key)
+
+
+def _counts(fractions: set[str]) -> bool:
+    """Return whether digits after a point are numbers that count on, not decimal fractions."""
+    widths = {len(text) for text in fractions}
+    return len(widths) > 1 and any(len(text) > min(widths) and text.endswith("0") for text in fractions)
 
 
 def frames(source: str | Path | int) -> Iterator[Frame]:
@@ -50,7 +73,7 @@ def frames(source: str | Path | int) -> Iterator[Frame]:
             raise ImageError(
                 f"{path}: is the folder of a session; give {path / 'images'}, with --reference {path / 'reference.png'}"
             )
-        names = sorted((p for p in path.iterdir() if p.suffix.lower() in SUFFIXES), key=by_number)
+        names = images_in(path)
         if not names:
             raise ImageError(
                 f"{path}: no images ({', '.join(sorted(SUFFIXES))}) in this folder; give another"

@@ -12,7 +12,7 @@ from gelforge.config.parts.camera import LARGEST_IMAGE_PX
 from gelforge.input_files import another_kind
 from gelforge.progress import tracked
 from gelforge.recording.imaging.flow import ImageError, read_grey
-from gelforge.recording.imaging.frames import SUFFIXES, by_number
+from gelforge.recording.imaging.frames import SUFFIXES, images_in
 
 LEAST_CORNERS = 8  # of a ChArUco board that is seen in part: a plane's four, twice over
 SEARCH = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
@@ -97,7 +97,7 @@ def find_boards(folder: str | Path, board: Board) -> Views:
         raise CalibrationError(f"{folder}{what}; name the folder with the images of the board{one}")
     if not folder.is_dir():
         raise CalibrationError(f"{folder}: no such folder; name the folder with the images of the board")
-    paths = sorted((p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES), key=by_number)
+    paths = images_in(folder)
     if not paths:
         raise CalibrationError(f"{folder}: no images ({', '.join(sorted(SUFFIXES))}); name another folder")
     views: Views | None = None

@@ -15,6 +15,7 @@ from gelforge.recording.tables.checks import RecordingError
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
 WINDOW_S = 0.02  # samples this far from a reading are averaged: less than a camera's frame time
+FEW = 3
 GAP_PERIODS = (
     3.0  # samples farther apart than this many periods of the log enclose a gap: one or two lost are none
 )
@@ -49,7 +50,10 @@ class ForceLog:
         return ends[after - 1], ends[after]
 
     def at(self, at: np.ndarray) -> np.ndarray:
-        """Return forces (N, 3) at times: the mean of samples within WINDOW_S, else between neighbours, NaN in a gap."""
+        """Return forces (N, 3) at times: the mean of samples within WINDOW_S, else between neighbours, NaN in a gap.
+
+        Fewer than FEW samples are no mean but beside a gap: they may lie to one side, which is another force on a ramp.
+        """
         first = np.searchsorted(self.time_s, at - WINDOW_S)
         last = np.searchsorted(self.time_s, at + WINDOW_S, side="right")
         total = np.concatenate([np.zeros((1, 3)), np.cumsum(self.force_N, axis=0)])  # (T + 1, 3)
@@ -59,7 +63,8 @@ class ForceLog:
         between = np.stack([np.interp(at, self.time_s, component) for component in self.force_N.T], axis=1)
         before, after = self.around(at)
         bridged = ((after - before) > self.gap_s)[:, None]
-        return np.where(count > 0, mean, np.where(bridged, np.nan, between))
+        few = np.where(bridged, np.where(count > 0, mean, np.nan), np.round(between, 9))
+        return np.where(count >= FEW, mean, few)
 
 
 def read_force_log(path: Path, delay_s: float = 0.0) -> ForceLog:

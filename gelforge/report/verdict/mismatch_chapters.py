@@ -16,7 +16,6 @@ from gelforge.report.verdict.mismatch_flow import MOST_SHOWN, flow_residual_figu
 from gelforge.report.verdict.mismatch_maps import body_map_figure, is_known
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import (
-    chance_text,
     filled,
     in_unit,
     p_text,
@@ -147,27 +146,12 @@ def origin(results: MismatchResults) -> Chapter:
 
 
 def _tabulate_noise(chapter: Chapter, stated: Noise) -> None:
-    """Add the errors that were allowed for, and the verdict under others where that was asked."""
+    """Add the errors that were allowed for."""
     named = {"one reading": stated.stated_N, "zero, per indentation": stated.zero_N}
     named |= {"mesh": stated.floor_N, "materials' fit": stated.law_N}
     rows = [{"error of": n} | {f"{a}_N": v for a, v in zip("xyz", s)} for n, s in named.items()]
-    parts = (
-        (stated.press_depth_mm, "per indentation"),
-        (stated.session_depth_mm, "of a session's contact point"),
-    )
-    depth = ", ".join(f"{size:.3g} mm {words}" for size, words in parts if size is not None)
-    chapter.tabulate(f"Standard deviations that were allowed for; of the depth {depth}.", pd.DataFrame(rows))
-    rows = [
-        {
-            "reading of Fz_N": case.sigma_z_N,
-            "verdict": case.state,
-            "what is missing": " and ".join(" or ".join(map(pretty, group)) for group in case.answer),
-            "probability": None if case.probability is None else chance_text(case.probability),
-        }
-        for case in sorted(stated.sensitivity, key=lambda case: case.sigma_z_N)
-    ]
-    if rows:
-        chapter.tabulate("The verdict as the force sensor is believed to be worse.", filled(rows))
+    depth = f"{stated.press_depth_mm:.3g} mm per indentation, {stated.session_depth_mm:.3g} mm of a session's contact point"
+    chapter.tabulate(f"Standard deviations that were assumed; of the depth {depth}.", pd.DataFrame(rows))
 
 
 CHAPTERS = (answer, where, held_out, limits, origin)
