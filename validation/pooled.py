@@ -35,10 +35,12 @@ ORDER = (
     "eighteenth",
     "nineteenth",
 )
-# By one linear pass over all effects and pairs: with errors of form by effect, and (today) with one prior for all.
+# By one linear pass over all effects and pairs: with errors of form by effect, with one prior for all, and (today) with
+# credible sets of 0.95 and five states.
 BY_EFFECT = ("twentieth", "twentyfirst")
-TODAY = ("twentysecond", "twentythird")
-LINEAR = (*BY_EFFECT, *TODAY)
+ONE_PRIOR = ("twentysecond", "twentythird")
+TODAY = ("twentyfourth",)
+LINEAR = (*BY_EFFECT, *ONE_PRIOR, *TODAY)
 # What is added up: judges of one kind. From the fifteenth set on known effects share odds by a tempering exponent of 0.4;
 # from the sixteenth on amounts follow all readings.
 POOLS = {"12 to 19": ORDER, "15 to 19": ORDER[3:], "16 to 19": ORDER[4:]}
@@ -224,8 +226,13 @@ def report(archives: Path = ARCHIVES, truths: dict[str, dict[str, dict]] | None 
         else ""
     )
     linear = {
-        words: {"both": _together(by_set, names)} | {name: by_set[name] for name in names if name in by_set}
-        for words, names in (("errors of form by effect", BY_EFFECT), ("one prior for all", TODAY))
+        words: ({"both": _together(by_set, names)} if len(names) > 1 else {})
+        | {name: by_set[name] for name in names if name in by_set}
+        for words, names in (
+            ("credible sets, today's", TODAY),
+            ("one prior for all", ONE_PRIOR),
+            ("errors of form by effect", BY_EFFECT),
+        )
     }
     every = _together(by_set, LINEAR)
     return (
