@@ -208,6 +208,7 @@ def scores(cases: list[Scored]) -> dict[str, str]:
 def table(columns: dict[str, list[Scored]]) -> str:
     """Return the scores of several lots of cases side by side, as Markdown; what none of them has is left out."""
     frame = pd.DataFrame({name: scores(cases) for name, cases in columns.items()})
+    frame = frame.fillna("")
     frame = frame[(frame != "").any(axis=1)]
     return frame.rename_axis("SYNTHETIC").reset_index().to_markdown(index=False, disable_numparse=True)
 
