@@ -13,7 +13,6 @@ from gelforge.mismatch.evidence.alternatives import effects_of
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.inference.judge import judge
-from gelforge.mismatch.model.effect_words import PHRASES, in_general, with_amount
 from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.result.verdict import Provenance
 from gelforge.mismatch.summary.effect_entries import effect_entries
@@ -148,21 +147,15 @@ def test_amounts_in_place_of_an_effect_are_those_beside_the_others():
 
 
 def test_every_effect_has_a_clause_that_says_what_it_means():
-    assert set(PHRASES) == set(CATALOGUE)
     gel = CATALOGUE["gel_stiffness"]
-    assert with_amount(gel, {}, [0.12]) == "the gel is 12 % stiffer than simulated"
-    assert with_amount(gel, {}, [-0.2]) == "the gel is 20 % softer than simulated"
-    assert in_general("gel_stiffness") == "the gel differs in stiffness"
+    assert gel.in_words({}, [0.12]) == "the gel is 12 % stiffer than simulated"
+    assert gel.in_words({}, [-0.2]) == "the gel is 20 % softer than simulated"
+    assert gel.in_words({}, [0.0]) == "the gel differs in stiffness"
     turned = CATALOGUE["frictionless"]
-    assert (
-        with_amount(turned, {"coefficient": 0.0}, [1.0])
-        == "there is no friction, and the simulation has some"
-    )
-    assert (
-        with_amount(turned, {"coefficient": 0.5}, [1.0]) == "there is friction, and the simulation has none"
-    )
+    assert turned.in_words({"coefficient": 0.0}, [1.0]) == "there is no friction, and the simulation has some"
+    assert turned.in_words({"coefficient": 0.5}, [1.0]) == "there is friction, and the simulation has none"
     place = {"x_mm": 7.0, "y_mm": 12.5, "z_mm": -3.0, "radius_mm": 1.2}
-    assert with_amount(CATALOGUE["void"], place, [1.0]) == "there is a void in the gel near (7, 12.5) mm"
+    assert CATALOGUE["void"].in_words(place, [1.0]) == "there is a void in the gel near (7, 12.5) mm"
 
 
 def test_what_could_not_be_tried_is_told_once_and_not_of_what_was_tried_elsewhere():

@@ -18,6 +18,7 @@ from gelforge.mismatch.effects.mullins import Energies, histories
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.free_forms import modules_of
+from gelforge.mismatch.free_forms.strain_energy import TERM
 from gelforge.mismatch.inference.discrepancy import modelled, through_solutions
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.posterior import Posterior
@@ -26,7 +27,6 @@ from gelforge.mismatch.result.verdict import VERDICT, Verdict, read_verdict, wri
 from gelforge.mismatch.result.verdict_tables import MODULE, write_tables
 from gelforge.mismatch.summary.model_section import correction_table
 from gelforge.mismatch.terms.body_map import BOX, WIDTH, boxes
-from gelforge.mismatch.terms.energy_terms import TERM
 from gelforge.mismatch.terms.holdout import split
 from gelforge.mismatch.terms.unknown import Weighed
 

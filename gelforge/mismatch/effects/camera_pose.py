@@ -1,7 +1,5 @@
 """The camera stands or looks otherwise than described."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from gelforge.config import Camera, Study
@@ -25,8 +23,8 @@ EFFECT = Effect(
     parameters=tuple(Parameter(f"shift_{axis}", "mm", 0.5, (-5.0, 5.0), SHIFT) for axis in AXES)
     + tuple(Parameter(f"turn_{axis}", "deg", 1.0, (-15.0, 15.0), TURN) for axis in AXES),
     enters="session.yaml: camera.position_mm, rotation_deg",
+    means=("the camera stands or looks elsewhere than assumed",),
     signature="flow centred elsewhere, turned, or larger on one side; forces clean",
-    confused_with=("camera_scale", "misregistration", "yaw", "tilt"),
     separated_by="a checkerboard in place of the gel; forces, which do not know the camera",
     to_camera=to_camera,
 )

@@ -72,28 +72,18 @@ class Covariance:
         """Return W v for v (n,) or (n, k), where W C W' = I."""
         return self._through(v, self._steps)
 
-    def whiten_finer(self, v: np.ndarray) -> np.ndarray:
-        """Return the same by what is independent and by all levels but the last two."""
-        return self._through(v, self._finer_steps)
-
-    @property
-    def log_det_finer(self) -> float:
-        """Return the logarithm of the determinant of that part."""
-        return self._log_det_of(self._finer_steps)
-
     @property
     def log_det(self) -> float:
         """Return the logarithm of the determinant."""
-        return self._log_det_of(self._steps)
+        return float(np.log(self.variance).sum() + sum(step.log_det for step in self._steps))
 
     def log_density(self, r: np.ndarray) -> float:
         """Return the logarithm of the normal density N(r; 0, C) of r (n,)."""
         return self.log_density_of_white(self.whiten(r))
 
-    def log_density_of_white(self, white: np.ndarray, log_det: float | None = None) -> float:
-        """Return the same of what is whitened already, W r, compressed or not; log_det: of another covariance of r."""
-        log_det = self.log_det if log_det is None else log_det
-        return float(-0.5 * (np.sum(white**2) + log_det + len(self) * np.log(2 * np.pi)))
+    def log_density_of_white(self, white: np.ndarray) -> float:
+        """Return the same of what is whitened already, W r."""
+        return float(-0.5 * (np.sum(white**2) + self.log_det + len(self) * np.log(2 * np.pi)))
 
     @property
     def standard_deviation(self) -> np.ndarray:
@@ -184,9 +174,6 @@ class Covariance:
         for step in steps:
             x = step(x)
         return x
-
-    def _log_det_of(self, steps: Sequence[_Step]) -> float:
-        return float(np.log(self.variance).sum() + sum(step.log_det for step in steps))
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,7 +86,7 @@ def _unfit(study: Study, seen: Sequence[FlowObservation]) -> str:
         return "the motion of particles is known on hexahedra, in a block, only"
     if not any(layer.particle_volume_fraction > 0 for layer in study.sensor.layers):
         return "no layer of the study carries particles (particle_volume_fraction)"
-    if any(CATALOGUE[known.effect].to_places is not None for known in study.mismatch.known):
+    if any("misregistration" in CATALOGUE[known.effect].depends_on for known in study.mismatch.known):
         return "indentations that are known to land off their positions (mismatch.known) are not followed in images"
     if any(not np.isfinite(press.noise).all() for press in seen):
         return "one image per indentation and none at zero force: their noise is not known"
@@ -196,8 +196,7 @@ def _candidates(
             continue
         if np.any(change):
             columns = np.concatenate([np.zeros((rows.entries, change.shape[1])), change])
-            signs = np.array([p.sign for p in effect.parameters])
-            found.append(Candidate(name, {}, columns, effect.prior_sd, signs, effect.binary))
+            found.append(Candidate(name, {}, columns, effect.prior_sd, effect.signs, effect.binary))
     return found
 
 
@@ -242,7 +241,7 @@ class _Both:
                 continue
             if effect.to_camera is not None:
                 cameras.append((effect, a))
-            elif effect.to_study is None or effect.history or effect.mesh_changes or effect.unloading:
+            elif effect.to_study is None or effect.history or effect.mesh_changes or effect.by_formula:
                 linear.append((part, a))
             else:
                 studied.append((part, a))

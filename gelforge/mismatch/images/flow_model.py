@@ -14,8 +14,7 @@ from gelforge.config import Camera
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.places import FirstOrderAt
-from gelforge.mismatch.fem.asked import asked_of, key_of, observed_by
+from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, way_down
 from gelforge.mismatch.fem.solver import Base
 from gelforge.mismatch.images.flow_fields import Moved, each_moved, each_moved_along, solved_with
@@ -32,7 +31,7 @@ from gelforge.mismatch.images.flow_images import (
     motion_field,
 )
 from gelforge.mismatch.model.effect import Effect, Shape
-from gelforge.mismatch.model.solver_effects import FirstOrder
+from gelforge.mismatch.model.places import FirstOrder
 from gelforge.recording.imaging.flow import Flow
 from gelforge.workers import each
 
@@ -167,50 +166,33 @@ class FlowModel:
         steps = [1.0 if effect.binary else p.width * (p.sign or 1) for p in effect.parameters]
         if effect.to_camera is not None:
             return np.stack([self._by_camera(effect, k, step) for k, step in enumerate(steps)], axis=-1)
-        if isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
-            keys = [key_of(effect, number if shape else None, k) for k in range(len(steps))]
-            return np.stack([self.change_along(key) for key in keys], axis=-1)
-        if effect.to_places is not None:
-            return np.stack([self._by_landing(effect, shape, k) for k in range(len(steps))], axis=-1)
-        nothing = np.zeros((*self.mean.shape, len(steps)))
-        key = _acts_as(effect, shape)
-        if key is None:
-            return nothing
-        along = self.change_along(key)
-        return np.stack(
-            [self.share(effect, shape, k, key)[:, None, None] * along for k in range(len(steps))], axis=-1
-        )
+        if isinstance(effect.to_forces, FirstOrder):
+            return np.stack([self.change_along(key) for key in effect.to_forces.keys(number)], axis=-1)
+        return self._by_parts(effect, shape)
 
-    def share(self, effect: Effect, shape: Shape, k: int, key: str) -> np.ndarray:
-        """Return what part (F,) of a derivative an effect is at each indentation per unit of its value k, by Fz."""
-        assert effect.to_forces is not None  # else it is no part of a derivative
-        context = self.base.context
-        step = UNIT * effect.parameters[k].width * (effect.parameters[k].sign or 1)
-        amounts = np.zeros(len(effect.parameters))
-        amounts[k] = step
-        change = effect.to_forces(context, shape, context.force, tuple(amounts)) - context.force
-        rows = [int(press.row.name) for press in self.seen]
-        own = context.derivative(key)[rows, 2]
-        least = 1e-6 * np.abs(own).max(initial=0)
-        return np.where(np.abs(own) > least, change[rows, 2] / step / np.where(own == 0, 1, own), 0.0)
+    def _by_parts(self, effect: Effect, shape: Shape) -> np.ndarray:
+        """Return the change of the flow (F, m, 2, P) [px per unit] by an effect that is made of others' derivatives.
 
-    def _by_landing(self, effect: Effect, shape: Shape, k: int) -> np.ndarray:
-        """Return the change of the flow (F, m, 2) [px per unit] by amount k of an effect that shifts indentations."""
-        assert effect.to_places is not None  # the caller has asked
-        context, one = self.base.context, np.eye(len(effect.parameters))[k]
-        shift = effect.to_places(context, shape, tuple(one)) - effect.to_places(
-            context, shape, tuple(0 * one)
-        )
-        shift = shift[[int(press.row.name) for press in self.seen]]
-        everywhere = CATALOGUE["misregistration"]
-        return sum(
-            shift[:, axis, None, None] * self.change_along(f"misregistration.{p.name}")
-            for axis, p in enumerate(everywhere.parameters)
-        )
+        Its share of each derivative is that of the force at the indentation; others move nothing while the stage waits.
+        """
+        assert effect.to_forces is not None
+        context, rows = self.base.context, [int(press.row.name) for press in self.seen]
+        found = np.zeros((*self.mean.shape, len(effect.parameters)))
+        parts = [key for name in effect.depends_on for key in _keys_of(name)]
+        for key in parts if effect.family in ("history", "kinematics") else ():
+            alone = context.with_derivative(key)
+            along = alone.derivative(key)[rows]
+            size = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny)
+            for k in range(len(effect.parameters)):
+                step = effect.unit_step(k, UNIT)
+                change = (effect.to_forces(alone, shape, alone.force, step) - alone.force)[rows] / step[k]
+                share = np.sum(change * along, axis=1) / size
+                if share.any():
+                    found[..., k] += share[:, None, None] * self.change_along(key)
+        return found
 
     def _by_camera(self, effect: Effect, k: int, step: float) -> np.ndarray:
-        amounts = np.zeros(len(effect.parameters))
-        amounts[k] = step
+        amounts = step * np.eye(len(effect.parameters))[k]
         eyes = [self.seen_by(press, [(effect, amounts)]) for press in self.seen]
         return self.change([None] * len(self.seen), eyes) / step
 
@@ -241,17 +223,11 @@ class FlowModel:
         return more
 
 
-def _acts_as(effect: Effect, shape: Shape) -> str | None:
-    """Return the derivative of which an effect without one of its own is a part at each reading; None: it moves nothing.
-
-    History makes a layer stiffer or softer at that moment, a yielding frame takes some of the depth. The force sensor and
-    its clock move nothing while the stage waits, and adhesion nothing during loading.
-    """
-    if effect.to_study is None and effect.family != "history":
-        return None
-    if effect.family == "history":
-        return "skin_stiffness" if shape.get("part") == "skin" else "gel_stiffness"
-    return "contact_zero" if effect.family == "kinematics" else None
+def _keys_of(name: str) -> list[str]:
+    """Return the derivatives of an effect of the catalogue."""
+    first_order = CATALOGUE[name].to_forces
+    assert isinstance(first_order, FirstOrder)
+    return first_order.keys(None)
 
 
 def flow_model(

@@ -110,7 +110,7 @@ def through_solutions(problem: Problem, relinearised: Problem, start: Screened) 
 
 def by_columns(problem: Problem, start: Screened) -> Refitted:
     """Return a set fitted to all readings by the problem's columns: nothing is solved."""
-    parts = tuple(replace(part, columns=problem.columns_at(part)) for part in start.parts)
+    parts = tuple(problem.at_its_place(part) for part in start.parts)
     every = np.ones(len(problem.labels), bool)
     return refitted(linearised(problem), replace(start, parts=parts), every)
 

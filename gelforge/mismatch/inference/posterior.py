@@ -161,9 +161,8 @@ class Posterior:
 
 def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
     """Return the posterior by all readings."""
-    every = np.ones(len(problem.labels), bool)
     with Progress("linear pass over sets of effects, steps", 4) as progress:
-        singles = {one.name: one for one in observable_ones(weighed(problem, every, problem.candidates))}
+        singles = {one.name: one for one in observable_ones(weighed(problem))}
         progress.advance(note="single effects")
         linear = Linear.of(problem.residual, problem.covariance, problem.candidates)
         tables, number, scale = set_tables(linear)
@@ -257,7 +256,7 @@ def _with_error(
     problem: Problem, number: np.ndarray, scale: np.ndarray, tables: list, known: int
 ) -> dict[Effects, Screened]:
     """Return the sets within REACH of the best, and their parts, judged with errors of their changes."""
-    covariance, every = problem.covariance, np.ones(len(problem.labels), bool)
+    covariance = problem.covariance
     r = covariance.whiten(problem.residual)
 
     def weight(one) -> float:
@@ -280,5 +279,5 @@ def _with_error(
             for k, c in zip(choice, candidates)
         )
         one = replace(judged_by(r, parts, [white[number[k]] for k in choice]), log_bayes_factor=average)
-        found[effects] = with_form_errors(problem, one, every)
+        found[effects] = with_form_errors(problem, one)
     return found

@@ -19,8 +19,8 @@ they also hold where an effect enters and the source of every number. A paramete
 standard deviation of its prior, that is a plausible value, and the physical range. 0 is the effect's absence; a range that
 begins at 0 leaves one sign only. [mismatch-method.md](mismatch-method.md) says how a verdict is reached.
 
-| effect | family | parameters | signature | confused with | distinguished by |
-|---|---|---|---|---|---|
+| effect | family | parameters | signature | distinguished by |
+|---|---|---|---|---|
 """
 
 
@@ -40,7 +40,6 @@ def row(effect: Effect) -> str:
         effect.family,
         amounts,
         effect.signature,
-        ", ".join(effect.confused_with),
         effect.separated_by,
     )
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"

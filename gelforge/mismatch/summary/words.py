@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from gelforge.mismatch.goodness.scan import Finding
 from gelforge.mismatch.inference.answer import Answer, Group
 from gelforge.mismatch.inference.judge import Judgement
-from gelforge.mismatch.model.effect_words import with_amount
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import End
@@ -69,7 +68,7 @@ def _clause(problem: Problem, answer: Answer, group: Group, brief: bool) -> str:
     part, amounts = answer.fit.parts[k], answer.fit.amounts[k]
     if brief:
         return _plain_name(part.name) + (" or another of its line" if len(group.members) > 1 else "")
-    said = with_amount(problem.effects[part.name], part.shape, tuple(amounts))
+    said = problem.effects[part.name].in_words(part.shape, tuple(amounts))
     if part.binary and "coefficient" not in part.shape:
         said += "".join(f" ({value})" for value in part.shape.values())
     return said + (" or an indistinguishable cause" if len(group.members) > 1 else "")

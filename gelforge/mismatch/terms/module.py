@@ -58,10 +58,6 @@ class Module(Kernel):
             self.name,
             "material",
             (),
-            enters="mechanics.effects",
-            signature=self.words,
-            confused_with=(),
-            separated_by="",
             to_study=lambda study, shape, amounts: to_study(study, np.asarray(amounts)),
             history=self.history,
         )

@@ -212,6 +212,10 @@ class Problem:
             columns = columns + (float(part.shape[axis]) - float(own.shape[axis])) * slope.columns
         return columns
 
+    def at_its_place(self, part: Candidate) -> Candidate:
+        """Return a part with the problem's columns of all entries at the part's own place."""
+        return replace(part, columns=self.columns_at(part))
+
     def linear_change(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
         """Return the change (R, 3) [N] of the readings by parts at their places, to first order; 0 where none was read."""
         change = np.zeros_like(self.base)

@@ -18,8 +18,7 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.alternatives import TEMPERING, normalised
 from gelforge.mismatch.evidence.covariance import Covariance, Draws
-from gelforge.mismatch.evidence.gaussian import evidence
-from gelforge.mismatch.evidence.screen import SCALES, Candidate, White, chance_of
+from gelforge.mismatch.evidence.screen import SCALES, Candidate, chance_of, judged_by, log_evidence, whitened
 from gelforge.mismatch.terms.problem import Problem
 
 PLAUSIBLE = 0.1  # of the pressing force, standard deviation; SCALES make it smaller
@@ -58,15 +57,8 @@ class Kernel:
         if self.each is None:
             return covariance.extended(scale * self.directions)
         *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
-        own = self.draws(covariance)
-        wide = replace(own, directions=scale * own.directions)
-        return replace(covariance, levels=(*finer, wide, alike, common))
-
-    def draws(self, covariance: Covariance) -> Draws:
-        """Return the draws of this kernel, of which each indentation has its own, at its plausible size."""
-        assert self.each is not None
-        alike = covariance.levels[-2]
-        return Draws(np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each), self.directions)
+        group = np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each)
+        return replace(covariance, levels=(*finer, Draws(group, scale * self.directions), alike, common))
 
 
 @dataclass(frozen=True)
@@ -123,17 +115,19 @@ def weighed_unknown(
             raise ValueError("what the parts leave is not given; give amounts and left with parts")
         covariance = problem.with_model_error(parts, amounts).covariance
         residual = left + np.column_stack([part.columns for part in parts]) @ amounts
-    exact = White.under(covariance, residual, parts)
-    model, without, found = _Beside.of(exact, parts), exact.log_evidence(parts), {}
+    r, white = covariance.whiten(residual), whitened(covariance, parts)
+    judged = judged_by(r, parts, white).log_bayes_factor if parts else 0.0
+    without, found = covariance.log_density(residual) + judged, {}
     for kernel in kernels:
         if kernel.each is None:
-            directions = covariance.whiten(kernel.directions)
-            factors = [model.gain(scale * directions) for scale in SCALES]
+            directions, q = covariance.whiten(kernel.directions), kernel.directions.shape[1]
+            drawn = Candidate(kernel.words, {}, kernel.directions, np.ones(q), np.zeros(q))
+            scaled = [replace(drawn, prior_sd=np.full(q, scale)) for scale in SCALES]
+            with_it = [judged_by(r, (*parts, one), [*white, directions]).log_bayes_factor for one in scaled]
+            factors = [factor - judged for factor in with_it]
         else:
-            draws = kernel.draws(covariance)
-            sizes = np.array(SCALES)[:, None] * np.ones(draws.directions.shape[1])
-            wider = White.with_draws(covariance, residual, parts, [draws], sizes)
-            factors = [white.log_evidence(parts) - without for white in wider]
+            wider = [kernel.beside(covariance, scale) for scale in SCALES]
+            factors = [log_evidence(one, residual, parts) - without for one in wider]
         found[kernel.words] = float(logsumexp(factors) - np.log(len(factors)))
     return Weighed(found, log_priors(kernels), {kernel.words: kernel.generalises for kernel in kernels})
 
@@ -143,45 +137,6 @@ def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
     plain = sum(not kernel.is_cause for kernel in kernels)
     share = -np.log(len(kernels) - plain + (plain > 0))
     return {kernel.words: float(share if kernel.is_cause else share - np.log(plain)) for kernel in kernels}
-
-
-@dataclass(frozen=True, eq=False)
-class _Beside:
-    """Parts with unknown values, whitened, beside which directions are weighed that all entries share."""
-
-    r: np.ndarray  # (n,) what is read, less what is switched on
-    columns: np.ndarray  # (n, p)
-    prior_sd: np.ndarray  # (p,)
-    signs: np.ndarray  # (p,)
-
-    @classmethod
-    def of(cls, exact: White, parts: Sequence[Candidate]) -> _Beside:
-        r, kept = exact.r, []
-        for part, white in zip(parts, exact.columns):
-            if part.binary:
-                r = r - white.sum(axis=1)
-            else:
-                p = white.shape[1]
-                kept.append((white, np.broadcast_to(part.prior_sd, p), np.broadcast_to(part.signs, p)))
-        if not kept:
-            return cls(r, np.zeros((len(r), 0)), np.zeros(0), np.zeros(0))
-        columns, prior_sd, signs = zip(*kept)
-        return cls(r, np.column_stack(columns), np.concatenate(prior_sd), np.concatenate(signs))
-
-    @cached_property
-    def without(self) -> float:
-        return evidence(self.r, self.columns, self.prior_sd, self.signs)[0]
-
-    def gain(self, directions: np.ndarray) -> float:
-        """Return the log evidence that directions (n, q), a standard normal draw each, give beside the parts."""
-        q = directions.shape[1]
-        joint = evidence(
-            self.r,
-            np.column_stack([self.columns, directions]),
-            np.concatenate([self.prior_sd, np.ones(q)]),
-            np.concatenate([self.signs, np.zeros(q)]),
-        )
-        return joint[0] - self.without
 
 
 @dataclass(frozen=True)

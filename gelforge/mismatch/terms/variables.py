@@ -93,7 +93,7 @@ class Variables:
                 lo, hi = parameter.bounds
                 lo = max(lo, 0.0) if parameter.sign > 0 else lo
                 hi = min(hi, 0.0) if parameter.sign < 0 else hi
-                inside = 0.0 if parameter.whole else INSIDE
+                inside = 0.0 if parameter.closed else INSIDE
                 low.append(lo * (1 - inside) if np.isfinite(lo) else lo)
                 high.append(hi * (1 - inside) if np.isfinite(hi) else hi)
         low += [move.low for move in self.moves]
