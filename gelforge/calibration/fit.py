@@ -69,7 +69,7 @@ class Linear:
         """
         far = self._screened(self.problem, mask)
         errors = replace(self.problem, change_error=FORM_ERROR)
-        uncertain = errors.erring(self.problem.candidates, far.amounts - self.at)
+        uncertain = errors.with_model_error(self.problem.candidates, far.amounts - self.at)
         from_means = replace(
             uncertain,
             change_error=0.0,

@@ -18,7 +18,6 @@ from gelforge.mismatch.result.verdict import Provenance
 from gelforge.mismatch.summary.effect_entries import effect_entries
 from gelforge.mismatch.summary.findings import _noise, located, verdict_of
 from gelforge.mismatch.summary.words import uncomputed
-from gelforge.mismatch.terms.refit import End
 
 PROVENANCE = Provenance(
     sessions={"s1": "0" * 64}, base="artificial", base_sha256="1" * 64, seed=1, draws=1000, versions={}
@@ -95,7 +94,7 @@ def test_what_an_answer_leaves_is_reported_below_one_per_cent_and_doubts_it_belo
 def test_a_fit_that_was_cut_short_is_reported():
     problem, found, _ = identified()
     assert not any("not final" in said for said in verdict(problem, found).cannot_know)
-    moving = replace(found.answer, fit=replace(found.answer.fit, end=End.MOVING))
+    moving = replace(found.answer, fit=replace(found.answer.fit, converged=False))
     told = verdict(problem, replace(found, answer=moving))
     assert any("tilt" in said or "cross talk" in said for said in told.cannot_know if "not final" in said)
 

@@ -54,7 +54,6 @@ def _spectra(context: Context, times: Mapping[str, np.ndarray]) -> Module:
         where=lambda row: f"of what relaxes in {row['relaxation_time_s']:.3g} s",
         form_of=("viscoelastic",),
         to_study=lambda study, moduli: _with_branches(study, times, moduli),
-        history=True,
     )
 
 

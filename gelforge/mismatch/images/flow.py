@@ -18,7 +18,7 @@ from gelforge.mismatch.effects import CATALOGUE, with_dependencies
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import Base
-from gelforge.mismatch.images.flow_covariance import flow_covariance
+from gelforge.mismatch.images.flow_covariance import Rows, flow_covariance
 from gelforge.mismatch.images.flow_images import (
     REGIONS,
     CameraView,
@@ -29,7 +29,6 @@ from gelforge.mismatch.images.flow_images import (
     shows_gel,
 )
 from gelforge.mismatch.images.flow_model import FlowModel, FlowUnknown, flow_model
-from gelforge.mismatch.images.flow_rows import Rows
 from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.inference.proof import Proof
 from gelforge.mismatch.model.effect import Effect
@@ -109,7 +108,7 @@ def _saying(problem: Problem, sentence: str) -> Problem:
 
 
 def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -> Problem:
-    base, shown = model.drawn.mean(axis=1), np.stack([shows_gel(p.eye, model.particles) for p in model.seen])
+    base, shown = model.drawn.mean(axis=1), np.stack([shows_gel(eye, model.particles) for eye in model.eyes])
     observations = _observations(problem.observations, model.seen, shown)
     labels = observations.labels()
     rows = Rows(observations, len(problem.labels), shown)
@@ -129,7 +128,6 @@ def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -
         },
         forces_with=_Both(channel, rows, {}, effects),
         read_with=None,
-        with_map=None,
         failed=failed,
         flow=channel,
     )
@@ -245,7 +243,7 @@ class _Both:
                 linear.append((part, a))
             else:
                 studied.append((part, a))
-        more: Sequence[np.ndarray | None] = [None] * len(model.seen)
+        more: Sequence[np.ndarray | float] = [0.0] * len(model.seen)
         if studied:
             try:
                 more = model.solved([(self.effects[part.name], part.shape, a) for part, a in studied])
@@ -254,8 +252,8 @@ class _Both:
         change = np.zeros(self.channel.base.shape)
         for part, a in linear:
             change[self.rows.shown] += (part.columns[self.rows.entries :] @ a).reshape(-1, 2)
-        if cameras or any(du is not None for du in more):
-            change += model.change(more, [model.seen_by(press, cameras) for press in model.seen])
+        if cameras or any(np.any(du) for du in more):
+            change += model.change(more, model.seen_by(cameras))
         return change
 
 

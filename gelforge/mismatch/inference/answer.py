@@ -14,7 +14,7 @@ from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.screen import Screened
 from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.few_sites import at_few_sites
-from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, linearised, through_solutions
+from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, through_solutions
 from gelforge.mismatch.inference.placing import placed
 from gelforge.mismatch.inference.posterior import CredibleSet, Effects, Posterior, posterior_of
 from gelforge.mismatch.inference.proof import Proof, after_penalty, folds_of, proof_of
@@ -74,7 +74,7 @@ def explained(
 ) -> tuple[Answer | None, list[str]]:
     """Return the answer to a mismatch, None where no effect could be fitted, and what went wrong on the way."""
     if max((posterior.holding([name]) for name in posterior.singles), default=0.0) < WORTH_SOLVING:
-        problem = linearised(problem)
+        problem = problem.linearised()
     elif posterior.holding([UNKNOWN]) >= SURE:
         # Softening explains nothing by itself then: to follow all indentations in order takes minutes and decides nothing.
         problem = problem.with_linear_history()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -112,28 +112,7 @@ def by_columns(problem: Problem, start: Screened) -> Refitted:
     """Return a set fitted to all readings by the problem's columns: nothing is solved."""
     parts = tuple(problem.at_its_place(part) for part in start.parts)
     every = np.ones(len(problem.labels), bool)
-    return refitted(linearised(problem), replace(start, parts=parts), every)
-
-
-def linearised(problem: Problem) -> Problem:
-    """Return the problem with what is solved changing by its columns; what costs nothing acts as it does."""
-
-    def forces_with(
-        parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray
-    ) -> np.ndarray:
-        solved = [(part, a) for part, a in zip(parts, amounts) if problem.solves(part)]
-        others = [(part, a) for part, a in zip(parts, amounts) if not problem.solves(part)]
-        if not solved:
-            return problem.forces_with(parts, amounts, rows)
-        if problem.read_with is None:
-            solved, others = [*zip(parts, amounts)], []
-        change = problem.linear_change(*zip(*solved))
-        found = problem.base + change
-        if others and problem.read_with is not None:
-            found = problem.read_with([part for part, _ in others], [a for _, a in others], change)
-        return np.where(rows[:, None], found, np.nan)
-
-    return replace(problem, forces_with=forces_with)
+    return refitted(problem.linearised(), replace(start, parts=parts), every)
 
 
 def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:

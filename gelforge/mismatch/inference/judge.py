@@ -13,7 +13,7 @@ from gelforge.mismatch.evidence.identifiability import DETECTED_SNR
 from gelforge.mismatch.evidence.screen import Screened
 from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.answer import Answer, explained
-from gelforge.mismatch.inference.discrepancy import Modelled, modelled, through_solutions
+from gelforge.mismatch.inference.discrepancy import Modelled, modelled
 from gelforge.mismatch.inference.posterior import Posterior, posterior_of
 from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P
 from gelforge.mismatch.terms.holdout import Blocks, split
@@ -88,12 +88,11 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     answer, notes = explained(problem, posterior, kernels, blocks, settings, rng)
     found = posterior if answer is None else answer.posterior
     out = answer is not None and not in_range(problem, answer.fit)
-    model, note = None, ""
+    model = None
     if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
         stage("a model of what no known effect explains")
-        model, note = _modelled(problem, kernels, blocks, None if out else answer, found.causes)
+        model = _modelled(problem, kernels, blocks, None if out else answer, found.causes)
         answer = answer if out else _beside_cause(problem, answer, model)
-    notes += [note] if note else []
     return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
 
 
@@ -110,21 +109,21 @@ def _modelled(
     blocks: Blocks,
     answer: Answer | None,
     chances: Mapping[str, float],
-) -> tuple[Modelled | None, str]:
-    """Return what is modelled with a free form, where it predicts, and what failed: beside the sure effects, if they lead.
+) -> Modelled | None:
+    """Return what is modelled with a free form, where it predicts: beside the sure effects, if they lead.
 
     An effect that changes the readings by less than what is modelled beside it is no form of what is missing; beside a cause
     of its own it is another one. One that is a form of that cause is not beside it. chances: of the kernels.
     """
-    alone = modelled(problem, kernels, blocks, chances=chances)
-    if answer is not None and answer.sure and not _of_one_cause(alone, answer):
+    model = modelled(problem, kernels, blocks, chances=chances)
+    if answer is not None and answer.sure and not _of_one_cause(model, answer):
         left = problem.observations.flat(problem.observations.force - answer.after)
-        found = modelled(problem, kernels, blocks, answer.fit, left, chances)
-        both = problem.covariance.whiten(np.column_stack([found.change, problem.residual - left]))
+        beside = modelled(problem, kernels, blocks, answer.fit, left, chances)
+        both = problem.covariance.whiten(np.column_stack([beside.change, problem.residual - left]))
         more, own = np.linalg.norm(both, axis=0)
-        if more < own or found.sure:
-            return _where_it_predicts(problem, found, blocks, answer.fit, left)
-    return _where_it_predicts(problem, alone, blocks)
+        if more < own or beside.sure:
+            model = beside
+    return model if model.gain.clear else None
 
 
 def _of_one_cause(model: Modelled, answer: Answer) -> bool:
@@ -141,20 +140,6 @@ def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | Non
     observations, after = problem.observations, answer.after.copy()
     after[observations.read] = observations.flat(observations.force) - model.rest - model.change
     return replace(answer, fit=model.fit, after=after)
-
-
-def _where_it_predicts(
-    problem: Problem,
-    found: Modelled,
-    blocks: Blocks,
-    fit: Refitted | None = None,
-    left: np.ndarray | None = None,
-) -> tuple[Modelled | None, str]:
-    """Return a model, solved where it is a sure cause, and what failed; none where it does not predict."""
-    if not found.gain.clear:
-        return None, ""
-    found, note = through_solutions(problem, found, blocks, fit, left) if found.sure else (found, "")
-    return (found if found.gain.clear else None), note
 
 
 def _could_have_seen(singles: Sequence[Screened]) -> bool:

@@ -309,9 +309,6 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
             lambda parts, amounts, change: read_with(
                 base, chosen(parts, amounts), base.context.force + change
             ),
-            lambda parts, amounts, module, map_: forces_with(
-                solver, base, [*chosen(parts, amounts), (module.effect, {}, map_)]
-            ),
         ),
         base,
     )

@@ -9,7 +9,6 @@ from gelforge.mismatch.inference.answer import Answer, Group
 from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.refit import End
 
 MOST_CLAUSES = 2  # of a headline
 MOST_WORDS = 25  # of a headline
@@ -128,7 +127,7 @@ def left_over(judgement: Judgement) -> list[str]:
 def unfinished(answer: Answer | None) -> list[str]:
     """Return which fits were cut short: their values would still change by more than their intervals show."""
     fits = [] if answer is None else [*answer.refits.values(), answer.fit]
-    names = dict.fromkeys(fit.name.replace("_", " ") for fit in fits if fit.end is End.MOVING)
+    names = dict.fromkeys(fit.name.replace("_", " ") for fit in fits if not fit.converged)
     if not names:
         return []
     return [

@@ -35,32 +35,15 @@ class Module(Kernel):
     where: Callable[[Mapping[str, Any]], str]  # a row of the map, in words
     form_of: tuple[str, ...] = ()  # effects of the catalogue that are the same cause in another form
     to_study: Callable[[Study, np.ndarray], Study] | None = None  # with a map (G,) of it
-    history: bool = False  # with it every indentation is a path of its own, in time
-    named: bool = (
-        True  # False: another known cause changes the readings in such a way; it is modelled and never named
-    )
     instead: str = ""  # words of the kernel of unknown.py that is this cause without its name
 
     @property
     def is_cause(self) -> bool:
-        return self.named
+        return True
 
     @property
     def generalises(self) -> tuple[str, ...]:
         return self.form_of
-
-    @property
-    def effect(self) -> Effect:
-        """Return the map as an effect of the finite elements: its amounts are the map (G,)."""
-        to_study = self.to_study
-        assert to_study is not None, "asked for only where a study can have the map"
-        return Effect(
-            self.name,
-            "material",
-            (),
-            to_study=lambda study, shape, amounts: to_study(study, np.asarray(amounts)),
-            history=self.history,
-        )
 
     def values(self, mean: np.ndarray, covariance: np.ndarray) -> pd.DataFrame:
         """Return the rows of module.csv: the map with columns mean and sigma, of coefficients (q,) and (q, q)."""
