@@ -321,7 +321,7 @@ def test_the_cause_that_the_page_shows_is_a_whole_one():
     file = {}
     exec(text, file)
     context = artificial.context(3, per_side=3)
-    (own,) = file["FREE_FORM"].modules(context, ())
+    own = file["FREE_FORM"].module(context, ())
     assert own.directions.shape[1] == own.basis.shape[1] and len(own.map) == len(own.basis)
     drawn = own.values(np.ones(own.basis.shape[1]), np.eye(own.basis.shape[1]))
     assert "into s1" in own.where(drawn.iloc[0]) and (drawn["sigma"] > 0).all()

@@ -61,6 +61,16 @@ class Screened:
         """Return the best shape of the last part."""
         return self.parts[-1].shape
 
+    @property
+    def by_name(self) -> dict[str, np.ndarray]:
+        """Return the values of each part."""
+        return {part.name: a for part, a in zip(self.parts, split(self.parts, self.amounts))}
+
+
+def split(parts: Sequence[Candidate], amounts: np.ndarray) -> list[np.ndarray]:
+    """Return values (p,) of several parts by part."""
+    return np.split(np.asarray(amounts), np.cumsum([part.columns.shape[1] for part in parts])[:-1])
+
 
 def screened(
     residual: np.ndarray,

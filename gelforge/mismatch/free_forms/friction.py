@@ -52,10 +52,10 @@ TERM = Effect(
 )
 
 
-def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return the change of the coefficient over the pressure; changes: by the exponent at each reference pressure."""
     if len(changes) < len(REFERENCES) or "friction" not in context.derivatives:
-        return []
+        return None
     (excess,) = CATALOGUE["friction"].parameters
     references = [float(one.shape["reference_pressure_MPa"]) for one in changes]
     alike = excess.width * context.observations.flat(context.derivative("friction"))
@@ -63,21 +63,19 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
     own = _share(context.study, pressures)
     falls = -WIDTH * context.study.mechanics.friction * np.log1p(pressures[:, None] / np.array(references))
     basis = own[:, None] * np.column_stack([np.full(len(AT), excess.width), falls])
-    return [
-        Module(
-            words="friction at other pressures",
-            directions=np.column_stack([alike, *(WIDTH * one.columns[:, 0] for one in changes)]),
-            name="friction",
-            says="friction depends differently on the contact pressure",
-            map=pd.DataFrame({"quantity": "coefficient of friction", "pressure_MPa": pressures}),
-            basis=basis,
-            unit="1",
-            of_labels=True,
-            where=lambda row: f"at {1e3 * row['pressure_MPa']:.3g} kPa",
-            form_of=("friction", "friction_law", "frictionless"),
-            to_study=lambda study, change: _with_friction(study, references, basis, change),
-        )
-    ]
+    return Module(
+        words="friction at other pressures",
+        directions=np.column_stack([alike, *(WIDTH * one.columns[:, 0] for one in changes)]),
+        name="friction",
+        says="friction depends differently on the contact pressure",
+        map=pd.DataFrame({"quantity": "coefficient of friction", "pressure_MPa": pressures}),
+        basis=basis,
+        unit="1",
+        of_labels=True,
+        where=lambda row: f"at {1e3 * row['pressure_MPa']:.3g} kPa",
+        form_of=("friction", "friction_law", "frictionless"),
+        to_study=lambda study, change: _with_friction(study, references, basis, change),
+    )
 
 
 def _share(study: Study, pressures: np.ndarray) -> np.ndarray:
@@ -98,4 +96,4 @@ def _with_friction(study: Study, references: Sequence[float], basis: np.ndarray,
     return with_terms(study, {p: np.clip(WIDTH * n, -most, most) for p, n in zip(references, exponents)})
 
 
-FREE_FORM = FreeForm("friction", modules, derivatives=(TERM,))
+FREE_FORM = FreeForm("friction", module, derivatives=(TERM,))

@@ -54,33 +54,31 @@ TERM = Effect(
 )
 
 
-def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return the change of dW/dI1 over that of the undeformed state, by part; changes: by each term."""
     parts = list(dict.fromkeys(str(one.shape["part"]) for one in changes))
     by_term = {(str(one.shape["part"]), str(one.shape["term"])): one.columns[:, 0] for one in changes}
     if not parts or len(by_term) < len(parts) * len(TERMS):
-        return []
+        return None
     keys = [(part, term) for part in parts for term in TERMS]
     maps, basis = [], []
     for part in parts:
         maps.append(pd.DataFrame({"quantity": f"{part}'s dW/dI1", "I1_less_3": AT}))
         basis.append([[_slope(x, term) if own == part else 0.0 for own, term in keys] for x in AT])
     basis_of_terms = np.concatenate([np.array(rows) for rows in basis])
-    return [
-        Module(
-            words="the strain energy at larger strain",
-            directions=WIDTH * np.column_stack([by_term[key] for key in keys]),
-            name="strain_energy",
-            says="the layers stiffen differently at large strain than their constitutive models",
-            map=pd.concat(maps, ignore_index=True),
-            basis=WIDTH * basis_of_terms,
-            unit="1",
-            of_labels=True,
-            where=lambda row: f"at I1 - 3 = {row['I1_less_3']:g}",
-            form_of=("law_exponent", "linear_elasticity"),
-            to_study=lambda study, map_: _with_energy(study, parts, keys, basis_of_terms, map_),
-        )
-    ]
+    return Module(
+        words="the strain energy at larger strain",
+        directions=WIDTH * np.column_stack([by_term[key] for key in keys]),
+        name="strain_energy",
+        says="the layers stiffen differently at large strain than their constitutive models",
+        map=pd.concat(maps, ignore_index=True),
+        basis=WIDTH * basis_of_terms,
+        unit="1",
+        of_labels=True,
+        where=lambda row: f"at I1 - 3 = {row['I1_less_3']:g}",
+        form_of=("law_exponent", "linear_elasticity"),
+        to_study=lambda study, map_: _with_energy(study, parts, keys, basis_of_terms, map_),
+    )
 
 
 def _slope(x: float, term: str) -> float:
@@ -98,4 +96,4 @@ def _with_energy(
     return study
 
 
-FREE_FORM = FreeForm("strain_energy", modules, derivatives=(TERM,))
+FREE_FORM = FreeForm("strain_energy", module, derivatives=(TERM,))

@@ -9,14 +9,14 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from gelforge.config import Study
-from gelforge.files import digest, source_digest
+from gelforge.files import source_digest
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.symmetry import transform_points
 from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.indentation.solving.sensitivities import Variation, unmirrored
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.asked import Asked, carried_derivatives, observed_by
-from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative, found_before, keep
+from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative, once
 from gelforge.mismatch.model.images_of_presses import inverse, solved_for_all
 from gelforge.virtual_lab.particles import interpolation
 
@@ -72,19 +72,22 @@ def moved_by(task: tuple[Solver, Study, PlannedCell, Mapping[str, Variation]]) -
     asked = {key: _storing(variation) for key, variation in variations.items()}
     about = {key: variation.inputs for key, variation in asked.items()}
     source = source_digest("mismatch/images/flow_fields.py")
-    name = digest(["moved", inputs_digest(study, laws, planned), about, source])
-    kept = found_before(solver, name)
-    if kept is None:
+    content = ["moved", inputs_digest(study, laws, planned), about, source]
+
+    def solve() -> dict[str, np.ndarray] | str:
         try:
             cell, along = each_derivative(study, laws, planned, asked)
         except NotConverged as failure:
             return str(failure)
         names = {"nodes": "gel_node_mm", "boxes": "gel_hex", "base": "gel_displacement_mm"}
-        arrays = {key: cell.arrays[array] for key, array in names.items()}
         fields = {
             key: one.gel for key, one in along.items() if not isinstance(one, str) and one.gel is not None
         }
-        kept = keep(solver, name, arrays | fields)
+        return {key: cell.arrays[array] for key, array in names.items()} | fields
+
+    kept = once(solver, content, solve)
+    if isinstance(kept, str):
+        return kept
     along = {key: field for key, field in kept.items() if key not in ("nodes", "boxes", "base")}
     return Moved(kept["nodes"], kept["boxes"], kept["base"], along)
 

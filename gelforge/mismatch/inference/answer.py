@@ -61,7 +61,8 @@ class Answer:
     def discrepancy_words(self) -> str:
         """Return the kernel that a discrepancy would most probably have, in words."""
         unknown, probability = self.posterior.unknown, self.posterior.probability
-        return unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].kernel
+        shares = unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].shares
+        return max(shares, key=shares.__getitem__)
 
 
 def explained(
@@ -150,32 +151,16 @@ def averaged(posterior: Posterior, mode: Effects, fit: Refitted) -> Refitted:
     The values stay those of the fit, which the study takes over. Where a place was fitted nothing is added.
     """
     spread, at = fit.spread.copy(), 0
-    own = posterior.sets[mode]
+    values = {effects: one.by_name for effects, one in posterior.sets.items()}
     for part, amounts in zip(fit.parts, fit.amounts):
-        p, rows = len(amounts), slice(at, at + len(amounts))
-        at += p
-        if part.binary or part.moved_from is not None:
-            continue
-        here = _amounts_in(own, part.name)
-        away, weight = np.zeros((p, p)), 0.0
-        for effects, other in posterior.sets.items():
-            if part.name in effects:
-                chance = posterior.probability[effects]
-                step = _amounts_in(other, part.name) - here
-                away += chance * np.outer(step, step)
-                weight += chance
-        spread[rows, rows] += away / max(weight, np.finfo(float).tiny)
+        rows = slice(at, at + len(amounts))
+        at += len(amounts)
+        if not (part.binary or part.moved_from is not None):
+            others = [effects for effects in posterior.sets if part.name in effects]
+            chance = np.array([posterior.probability[effects] for effects in others])[:, None]
+            steps = np.array([values[one][part.name] - values[mode][part.name] for one in others])
+            spread[rows, rows] += steps.T @ (chance * steps) / max(chance.sum(), np.finfo(float).tiny)
     return replace(fit, spread=spread)
-
-
-def _amounts_in(judged: Screened, name: str) -> np.ndarray:
-    at = 0
-    for part in judged.parts:
-        p = part.columns.shape[1]
-        if part.name == name:
-            return judged.amounts[at : at + p]
-        at += p
-    raise KeyError(name)
 
 
 def groups_of(problem: Problem, posterior: Posterior, fit: Refitted) -> tuple[Group, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gelforge.config import ConfigError
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.evidence.screen import Candidate, Screened
+from gelforge.mismatch.evidence.screen import Candidate, Screened, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior
 from gelforge.mismatch.terms.problem import Problem, secant
 from gelforge.mismatch.terms.refit import Refitted, refitted
@@ -76,14 +76,10 @@ def _largest_first(
     """
     if len(wanted) == 1:
         return wanted
-    one, at, sizes = posterior.sets[wanted], 0, {}
-    for part in one.parts:
-        ends = at + part.columns.shape[1]
-        sizes[part.name] = float(
-            np.linalg.norm(problem.covariance.whiten(part.columns @ one.amounts[at:ends]))
-        )
-        at = ends
-    alone = frozenset({max(sizes, key=lambda name: sizes[name])})
+    one = posterior.sets[wanted]
+    changes = [part.columns @ a for part, a in zip(one.parts, split(one.parts, one.amounts))]
+    sizes = np.linalg.norm(problem.covariance.whiten(np.column_stack(changes)), axis=0)
+    alone = frozenset({one.parts[int(np.argmax(sizes))].name})
     return wanted if alone in done or alone not in posterior.sets else alone
 
 
@@ -133,15 +129,14 @@ def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
     if np.linalg.norm(white[:, 1] - white[:, 0]) < CURVED_SNR or not np.any(white[:, 0]):
         return problem
     prior_sd = np.concatenate([np.broadcast_to(c.prior_sd, c.columns.shape[1]) for c in own])
-    ends = np.cumsum([c.columns.shape[1] for c in own])[:-1]
-    relinearised = np.split(secant(columns, change - linear, amounts, prior_sd), ends, axis=1)
+    relinearised = split(own, secant(columns, change - linear, amounts, prior_sd).T)
     factor = float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
     placed = {c.name for c in own if "x_mm" in c.shape}
 
     def with_it(candidate: Candidate) -> Candidate:
         for part, one, new in zip(fit.parts, own, relinearised):
             if candidate is one and part.moved_from is None:
-                return replace(one, columns=new)
+                return replace(one, columns=new.T)
         return (
             replace(candidate, columns=factor * candidate.columns) if candidate.name in placed else candidate
         )
@@ -176,10 +171,7 @@ def _with_fits(
 
     They would gain as much if they were fitted. Failures are dropped.
     """
-    sets: dict[Effects, Screened] = {
-        effects: first.sets[effects] for effects in fits if effects in first.sets
-    }
-    sets |= posterior.sets
+    sets = {effects: first.sets[effects] for effects in fits if effects in first.sets} | dict(posterior.sets)
     evidence = {effects: one.log_bayes_factor for effects, one in sets.items()} | dict(posterior.evidence)
     gained = {
         first.lines_of(effects): fit.log_bayes_factor - first.evidence[effects]

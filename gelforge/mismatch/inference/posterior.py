@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.alternatives import NOTHING, TEMPERING, UNKNOWN, log_prior, normalised
 from gelforge.mismatch.evidence.identifiability import indistinguishable
-from gelforge.mismatch.evidence.screen import Screened, judged_by
+from gelforge.mismatch.evidence.screen import Screened, judged_under
 from gelforge.mismatch.inference.linear import Linear, scales_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.unknown import Kernel, Weighed, weighed_unknown
@@ -256,8 +256,6 @@ def _with_error(
     problem: Problem, number: np.ndarray, scale: np.ndarray, tables: list, known: int
 ) -> dict[Effects, Screened]:
     """Return the sets within REACH of the best, and their parts, judged with errors of their changes."""
-    covariance = problem.covariance
-    r = covariance.whiten(problem.residual)
 
     def weight(one) -> float:
         return one[1] + log_prior(len(one[0]), max(known, len(one[0])))
@@ -267,17 +265,13 @@ def _with_error(
     # The largest effect of a set is fitted alone before the set is (fits.py).
     reached = {one[0] for one in near}
     near += [one for one in ranked if one[0] not in reached and any(one[0] < other for other in reached)]
-    white: dict[int, np.ndarray] = {}
     found = {}
     for effects, average, _, choice in near:
         candidates = [problem.candidates[number[k]] for k in choice]
-        for k, candidate in zip(choice, candidates):
-            if number[k] not in white:
-                white[number[k]] = covariance.whiten(candidate.columns)
         parts = tuple(
             c if c.binary else replace(c, prior_sd=scale[k] * np.asarray(c.prior_sd))
             for k, c in zip(choice, candidates)
         )
-        one = replace(judged_by(r, parts, [white[number[k]] for k in choice]), log_bayes_factor=average)
-        found[effects] = with_form_errors(problem, one)
+        judged = judged_under(problem.covariance, problem.residual, parts)
+        found[effects] = with_form_errors(problem, replace(judged, log_bayes_factor=average))
     return found

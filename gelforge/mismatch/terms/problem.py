@@ -12,7 +12,7 @@ import pandas as pd
 
 from gelforge.mismatch.evidence import places
 from gelforge.mismatch.evidence.covariance import Covariance, slowly
-from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.evidence.screen import Candidate, split
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import Observations
 
@@ -108,10 +108,8 @@ class Problem:
         """
         in_images = self.flow is not None and bool(self.change_error)
         least = np.where(self.labels["channel"] == "flow", SEEN_ERROR, 0.0) if in_images else 0.0
-        errors, at = [np.zeros((len(self.labels), 0))], 0
-        for part in parts:
-            own = amounts[at : at + part.columns.shape[1]]
-            at += len(own)
+        errors = [np.zeros((len(self.labels), 0))]
+        for part, own in zip(parts, split(parts, amounts)):
             change = np.maximum(self.error_of(part), least) * (part.columns @ own)
             if np.any(change):
                 errors.append(change[:, None] * self._errs)

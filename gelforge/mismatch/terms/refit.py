@@ -12,7 +12,7 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidence
 from gelforge.mismatch.evidence.places import displaced
-from gelforge.mismatch.evidence.screen import Candidate, Screened
+from gelforge.mismatch.evidence.screen import Candidate, Screened, split
 from gelforge.mismatch.terms.problem import Problem, secant
 
 MOST_STEPS = 12  # of a fit, each one solution where something is solved
@@ -33,6 +33,7 @@ class Refitted:
         np.ndarray
     )  # (m, q) [N per unit, N/mm] of the entries that were fitted: of all amounts, then of places
     spread: np.ndarray  # (q, q) covariance of the same
+    prior_sd: np.ndarray  # (q,) of the same
     log_bayes_factor: float  # Laplace, against none, on these entries; shapes and scales are paid for
     converged: bool  # not stopped by the number of its steps
 
@@ -107,7 +108,7 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
     factor, spread = _evidence(left, variables, J, at)
     against = -problem.covariance.restricted(mask).log_density(residual)
     against += start.log_bayes_factor - start.best_log_bayes_factor
-    return Refitted(*variables.split(at), J, spread, factor + against, converged)
+    return Refitted(*variables.split(at), J, spread, prior_sd, factor + against, converged)
 
 
 def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Variables) -> np.ndarray:
@@ -167,14 +168,10 @@ class Variables:
     moves: tuple[Move, ...]
     mask: np.ndarray  # (n,) bool, the m entries that are fitted
 
-    @cached_property
-    def ends(self) -> np.ndarray:
-        return np.cumsum([part.columns.shape[1] for part in self.start.parts])
-
     @property
     def amounts(self) -> int:
         """Return how many of them are values."""
-        return int(self.ends[-1])
+        return len(self.start.amounts)
 
     @cached_property
     def binary(self) -> np.ndarray:
@@ -218,7 +215,7 @@ class Variables:
         for k in {move.part for move in self.moves}:
             by = {move.axis: x for move, x in zip(self.moves, a[self.amounts :]) if move.part == k}
             parts[k] = self.problem.at_its_place(displaced(parts[k], by))
-        return tuple(parts), tuple(np.split(a[: self.amounts], self.ends[:-1]))
+        return tuple(parts), tuple(split(parts, a[: self.amounts]))
 
     def change(self, a: np.ndarray) -> np.ndarray:
         """Return the change (m,) [N] of the fitted entries at a (q,). Raises NotConverged."""
@@ -242,10 +239,8 @@ def variables_of(problem: Problem, start: Screened, mask: np.ndarray, placing: b
     What an earlier refit has placed stays there, and its value alone is fitted, unless it is placing: it then goes on.
     """
     parts = tuple(_tried(problem, part) if placing else part for part in start.parts)
-    moves, at, covariance = [], 0, problem.covariance.restricted(mask)
-    for k, (part, before) in enumerate(zip(parts, start.parts)):
-        amounts = start.amounts[at : at + part.columns.shape[1]]
-        at += len(amounts)
+    moves, covariance, values = [], problem.covariance.restricted(mask), split(parts, start.amounts)
+    for k, (part, before, amounts) in enumerate(zip(parts, start.parts, values)):
         slopes = problem.slopes_of(part) if part.moved_from is None else {}
         for axis, slope in slopes.items():
             way = slope.columns @ amounts

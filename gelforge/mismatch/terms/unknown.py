@@ -38,19 +38,10 @@ class Kernel:
 
     words: str
     directions: np.ndarray  # (n, q) [N], a standard deviation of PLAUSIBLE together
-    each: np.ndarray | None = (
-        None  # (n,) int, groups of entries that differ each by itself; None: all together
-    )
-
-    @property
-    def is_cause(self) -> bool:
-        """Return whether it is physics that can be claimed, with a form of its own."""
-        return False
-
-    @property
-    def generalises(self) -> tuple[str, ...]:
-        """Return the effects of the catalogue that are the same cause in another form."""
-        return ()
+    # (n,) int, groups of entries that differ each by itself; None: all together
+    each: np.ndarray | None = None
+    form_of: tuple[str, ...] = ()  # effects of the catalogue that are the same cause in another form
+    is_cause = False  # physics that can be claimed, with a form of its own
 
     def beside(self, covariance: Covariance, scale: float) -> Covariance:
         """Return the covariance of n entries with this kernel at a scale of its plausible size."""
@@ -65,9 +56,7 @@ class Kernel:
 class Weighed:
     """The unknown beside an answer, or alone."""
 
-    factors: Mapping[
-        str, float
-    ]  # by kernel, in words: log, against the same without it, averaged over scales
+    factors: Mapping[str, float]  # by kernel: log, against the same without it, averaged over scales
     priors: Mapping[str, float]  # by kernel, log: each cause is as likely as all kernels without one together
     forms: Mapping[str, tuple[str, ...]]  # by kernel: effects that are the same cause in another form
 
@@ -79,14 +68,8 @@ class Weighed:
     @cached_property
     def shares(self) -> dict[str, float]:
         """Return the probability of each kernel if one of them is there; evidence counts for TEMPERING."""
-        return normalised(
-            {words: TEMPERING * factor + self.priors[words] for words, factor in self.factors.items()}
-        )
-
-    @property
-    def kernel(self) -> str:
-        """Return the likeliest, in words."""
-        return max(self.shares, key=self.shares.__getitem__)
+        weights = {words: TEMPERING * one + self.priors[words] for words, one in self.factors.items()}
+        return normalised(weights)
 
     def share_of(self, names: set[str]) -> float:
         """Return the probability that it is a cause which is one of some effects in another form, if it is there."""
@@ -129,7 +112,7 @@ def weighed_unknown(
             wider = [kernel.beside(covariance, scale) for scale in SCALES]
             factors = [log_evidence(one, residual, parts) - without for one in wider]
         found[kernel.words] = float(logsumexp(factors) - np.log(len(factors)))
-    return Weighed(found, log_priors(kernels), {kernel.words: kernel.generalises for kernel in kernels})
+    return Weighed(found, log_priors(kernels), {kernel.words: kernel.form_of for kernel in kernels})
 
 
 def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
