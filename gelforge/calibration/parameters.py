@@ -184,7 +184,6 @@ class Free:
             name=self.name,
             family=known.family if known else "material",
             parameters=(Parameter("by", "1", self.width, (low, high), self.prior.source),),
-            enters=known.enters if known else "mechanics.effects",
             signature=self.kind.words,
             to_study=(lambda study, shape, a: self.to_study(study, at, at + a[0])) if solved else None,
             to_forces=FirstOrder(self.name)

@@ -8,10 +8,11 @@ import pytest
 from artificial_problem import identified, problem_of
 from numpy.testing import assert_allclose
 
-from gelforge.mismatch.inference.discrepancy import FARTHEST_MM, _Beside, modelled
+from gelforge.mismatch.inference.discrepancy import _Beside, modelled
 from gelforge.mismatch.inference.judge import _beside_cause
 from gelforge.mismatch.terms.holdout import split
 from gelforge.mismatch.terms.unknown import kernels_of
+from gelforge.mismatch.thresholds import FARTHEST_MM
 
 SEED = 23
 

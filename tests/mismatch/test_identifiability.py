@@ -10,7 +10,6 @@ from scipy.stats import multivariate_normal
 from test_screen import make
 
 from gelforge.mismatch.evidence.identifiability import (
-    DETECTED_SNR,
     Plan,
     correlations,
     detection_limits,
@@ -21,6 +20,7 @@ from gelforge.mismatch.evidence.identifiability import (
 )
 from gelforge.mismatch.evidence.screen import Candidate, screened
 from gelforge.mismatch.goodness.scan import dictionary, scan
+from gelforge.mismatch.thresholds import DETECTED_SNR
 
 
 @pytest.fixture(scope="module")

@@ -37,7 +37,7 @@ from gelforge.mismatch.pipeline.stage import IMAGES_LEFT_OUT, judge_recording, o
 from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import FLOW, READINGS, read_table
 from gelforge.mismatch.summary.flow_section import after_of, flow_section
-from gelforge.mismatch.terms.problem import SCATTERED, SEEN_ERROR
+from gelforge.mismatch.thresholds import SCATTERED, SEEN_ERROR
 from gelforge.recording.readings import read_recording
 from gelforge.report.verdict.mismatch_flow import flow_residual_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults

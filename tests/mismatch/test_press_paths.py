@@ -13,7 +13,7 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem import solver as fem
-from gelforge.mismatch.fem.asked import REACH_MM, asked_of, observed_by
+from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.solutions import Solver, follow, unloading_key, way_down
 from gelforge.mismatch.fem.solver import (
     _by_observable_parts,
@@ -24,6 +24,7 @@ from gelforge.mismatch.fem.solver import (
 from gelforge.mismatch.model.solver_effects import FAR_OUT, LARGEST_MOVE
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.readings.runs import runs_of, timed_runs_of
+from gelforge.mismatch.thresholds import REACH_MM
 
 PRESSES = [  # site, depth, depths on the way up
     (0, 0.5, ()),

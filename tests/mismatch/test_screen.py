@@ -8,7 +8,6 @@ from scipy.stats import binom
 
 from gelforge.mismatch.evidence.alternatives import log_prior, normalised
 from gelforge.mismatch.evidence.screen import (
-    SCALES,
     Candidate,
     evidence,
     judged_by,
@@ -16,6 +15,7 @@ from gelforge.mismatch.evidence.screen import (
     log_evidence,
     screened,
 )
+from gelforge.mismatch.thresholds import SCALES
 
 RNG = np.random.default_rng
 AS_STATED = (1.0,)  # scales of plausible amounts: drawn as the priors say

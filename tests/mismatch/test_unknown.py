@@ -10,8 +10,9 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.summary.words import sentence_of
-from gelforge.mismatch.terms.unknown import PLAUSIBLE, kernels_of, modes, weighed_unknown
+from gelforge.mismatch.terms.unknown import kernels_of, modes, weighed_unknown
 from gelforge.mismatch.terms.weighing import weighed
+from gelforge.mismatch.thresholds import PLAUSIBLE
 
 
 def problem_with(name, amounts, seed=7, **keys):

@@ -40,7 +40,6 @@ EFFECT = Effect(
             source="width: scatter of silicones that were mixed and cured together (judgement); bounds: still a gel",
         ),
     ),
-    enters=f"{CATALOGUE['gel_stiffness'].enters}, {CATALOGUE['skin_stiffness'].enters}",
     means=(
         "all layers differ in stiffness",
         "all layers are {share} stiffer than simulated",

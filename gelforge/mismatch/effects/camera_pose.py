@@ -22,7 +22,6 @@ EFFECT = Effect(
     family="camera",
     parameters=tuple(Parameter(f"shift_{axis}", "mm", 0.5, (-5.0, 5.0), SHIFT) for axis in AXES)
     + tuple(Parameter(f"turn_{axis}", "deg", 1.0, (-15.0, 15.0), TURN) for axis in AXES),
-    enters="session.yaml: camera.position_mm, rotation_deg",
     means=("the camera stands or looks elsewhere than assumed",),
     signature="flow centred elsewhere, turned, or larger on one side; forces clean",
     separated_by="a checkerboard in place of the gel; forces, which do not know the camera",

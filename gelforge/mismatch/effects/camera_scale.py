@@ -30,7 +30,6 @@ EFFECT = Effect(
             "width: a scale read off one known length in the image (judgement); bounds: another lens",
         ),
     ),
-    enters="session.yaml: camera.focal_px or mm_per_px",
     means=("the camera's scale is off",),
     signature="all flow in proportion, along its own direction; forces clean",
     separated_by="a ruler or a checkerboard at the gel's height",

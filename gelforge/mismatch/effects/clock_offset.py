@@ -59,7 +59,6 @@ EFFECT = Effect(
             "width: recorders without a common trigger, or a filter of some hertz (judgement); bounds: seen by eye",
         ),
     ),
-    enters="time of the force readings against the stage's",
     means=("the clocks of force sensor and stage disagree",),
     signature="less force during loading and more during unloading, in proportion to speed; nothing while the stage waits",
     separated_by="the same indentation at two speeds, with a wait at the end; one trigger line for all recorders",

@@ -24,7 +24,6 @@ EFFECT = Effect(
     name="cross_talk",
     family="force sensor",
     parameters=tuple(Parameter(f"{AXES[i]}_of_{AXES[j]}", "1", 0.02, (-0.2, 0.2), SOURCE) for i, j in PAIRS),
-    enters="force readings: F_i + sum of c_ij F_j",
     means=("the force sensor has cross-talk between its axes",),
     signature="lateral readings in proportion to the normal force, of one sign at every place",
     separated_by="dead weights along each axis; an indentation at the middle of a level sensor",

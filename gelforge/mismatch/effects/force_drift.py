@@ -42,7 +42,6 @@ EFFECT = Effect(
     name="force_drift",
     family="force sensor",
     parameters=on_each_axis("N/h", 0.1, (-5.0, 5.0), SOURCE),
-    enters="force readings: F + rate x time since zero, or settling exponentially",
     means=("the force sensor's zero drifts",),
     signature=(
         "the same force at every place and depth, growing with time for good or until all is warm; in raster order"

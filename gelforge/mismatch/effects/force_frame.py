@@ -21,7 +21,6 @@ EFFECT = data_entry_error(
     [*READ],
     "x and y swapped",
     lambda force, axes: np.column_stack([force[:, :2] @ np.array(READ[axes], float).T, force[:, 2]]),
-    enters="force.axes and stage_to_sensor in session.yaml",
     means=("forces are recorded in another frame than assumed",),
     signature="lateral forces as large as they should be, along other axes; vertical forces clean",
     separated_by="a look at how the force sensor is mounted; one indentation beside each wall, which pushes the"

@@ -23,7 +23,6 @@ EFFECT = Effect(
     name="force_gain",
     family="force sensor",
     parameters=on_each_axis("1", 0.05, (-0.5, 0.5), SOURCE),
-    enters="force readings: F_i (1 + g_i)",
     means=("the force sensor's gain is off",),
     signature="in proportion to the force at every place, depth and time; images clean",
     separated_by="dead weights on the force sensor; images, as particles follow the depth and not the reading",

@@ -71,7 +71,6 @@ EFFECT = Effect(
     name="force_hysteresis",
     family="force sensor",
     parameters=on_each_axis("1", 0.02, (0.0, 0.3), SOURCE),
-    enters="force readings, as shares of the largest force by axis",
     means=("the force sensor has hysteresis",),
     signature=(
         "more force during unloading than during loading, most at half of the indentation's largest force or"

@@ -33,7 +33,6 @@ EFFECT = Effect(
     name="force_offset",
     family="force sensor",
     parameters=on_each_axis("N", 0.05, (-2.0, 2.0), SOURCE),
-    enters="force readings of a tared session: F + constant",
     means=("the force sensor's zero is off",),
     signature="the same force at every place and depth, without any at the contact point in the simulation",
     separated_by="readings before contact in every indentation, which a tared session may still have",

@@ -16,7 +16,6 @@ EFFECT = data_entry_error(
     [*READ],
     "kgf",
     lambda force, unit: READ[unit] * force,
-    enters="force readings: a unit other than the newtons that their columns state",
     means=("forces are recorded in another unit than assumed",),
     signature="all forces in proportion, by a factor between two units; images clean",
     separated_by="one known weight on the force sensor",

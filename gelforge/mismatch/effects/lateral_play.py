@@ -26,7 +26,6 @@ EFFECT = Effect(
     name="lateral_play",
     family="kinematics",
     parameters=tuple(Parameter(axis, "mm", 0.2, (0.0, 2.0), SOURCE) for axis in AXES),
-    enters="where each indentation lands, by the stage's last move along each of its axes",
     means=("the stage has lateral play",),
     signature="indentations to one place differ with the side from which the stage came; near a wall softer where"
     " it comes from within, harder where it comes from without",

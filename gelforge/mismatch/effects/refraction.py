@@ -40,7 +40,6 @@ EFFECT = Effect(
             "width: silicones have 1.40 to 1.43; bounds: no glass or polymer in use has more",
         ),
     ),
-    enters="session.yaml: camera.focal_px, position_mm",
     means=("the camera looks through more refraction than assumed",),
     signature="flow larger everywhere, and less of it from motion along the view; forces clean",
     separated_by="a checkerboard seen through the gel and without it",

@@ -12,12 +12,7 @@ from scipy.spatial.distance import squareform
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.model.effect import Shape
-
-ALIKE = 0.95  # correlation of sensitivities, from which two effects share a line
-# On recordings of 4 to 25 sites the largest of a scan's 75 to 230 correlated scores exceeds 3.5 to 3.7 by chance in 2.5 %,
-# so a change of 4 standard deviations is seen in about three of four cases, one of 2 hardly ever (test_identifiability).
-DETECTED_SNR = 4.0
-DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
+from gelforge.mismatch.thresholds import ALIKE, DECISIVE, DETECTED_SNR
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,7 @@ from scipy.special import logsumexp
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidence
 from gelforge.mismatch.model.effect import Shape
-
-SCALES = (1.0, 0.3, 0.1)  # of plausible values: what is left out is known to be small, not how small
-# By which the form of an effect differs from the truth's, shares of its change, equally likely before the readings. Of
-# different models of one physics (validation/checks/form_errors.py) most lie between; softening lies beyond.
-FORM_ERRORS = (0.1, 0.2, 0.3)
+from gelforge.mismatch.thresholds import FORM_ERRORS, SCALES
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Effect, Shape
 from gelforge.mismatch.model.images_of_presses import carried, carried_derivative, numbers_at_image
 from gelforge.mismatch.model.places import FirstOrder
+from gelforge.mismatch.thresholds import REACH_MM
 
-REACH_MM = 7.0  # a defect whose middle is farther is not observable: a ball of 1.3 mm changes Fz by 0.6 %
 ALWAYS_SHOWN = ("base", "law ", "unloading ")
 
 

@@ -63,11 +63,8 @@ def with_flow(solver: Solver, base: Base, problem: Problem, sessions: Sequence[P
     finer = study.mismatch.model_copy(update={"coarser": min(COARSER, study.mismatch.coarser)})
     solver = replace(solver, study=study.model_copy(update={"mismatch": finer}))
     seen = seen_flows(sessions, problem.observations, study.sensor)
-    if not seen:
-        return _saying(problem, "images were not used: no session has a camera and images in its dwell rows")
-    reason = _unfit(study, seen)
-    if reason:
-        return _saying(problem, f"images were not used: {reason}")
+    if reason := _unfit(study, seen):
+        return _without(problem, reason)
     seen = [replace(press, eye=_as_known(study, press.eye)) for press in seen]
     particles = likely_particles(study.sensor, study.seed)
     effects = {name: e for name, e in CATALOGUE.items() if e.to_camera is not None and e.applies(study)}
@@ -76,11 +73,14 @@ def with_flow(solver: Solver, base: Base, problem: Problem, sessions: Sequence[P
     try:
         model = flow_model(solver, base, seen, asked, particles)
     except SolverFailed as failure:
-        return _saying(problem, f"images were not used: {failure}")
+        return _without(problem, str(failure))
     return _joined(problem, model, dict(problem.effects) | effects)
 
 
 def _unfit(study: Study, seen: Sequence[FlowObservation]) -> str:
+    """Return why images cannot be used, in words; none where they can."""
+    if not seen:
+        return "no session has a camera and images in its dwell rows"
     if study.sensor.shape.kind != "block" or study.mechanics.mesh.elements == "tetrahedra":
         return "the motion of particles is known on hexahedra, in a block, only"
     if not any(layer.particle_volume_fraction > 0 for layer in study.sensor.layers):
@@ -103,8 +103,8 @@ def _as_known(study: Study, eye: CameraView) -> CameraView:
     return replace(eye, camera=camera)
 
 
-def _saying(problem: Problem, sentence: str) -> Problem:
-    return replace(problem, observations=problem.observations.saying(sentence))
+def _without(problem: Problem, reason: str) -> Problem:
+    return replace(problem, observations=problem.observations.saying(f"images were not used: {reason}"))
 
 
 def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -> Problem:
@@ -123,9 +123,7 @@ def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -
         base=joint,
         covariance=flow_covariance(problem, model, rows, labels),
         candidates=candidates,
-        effects={
-            name: effect for name, effect in effects.items() if name in known or name in problem.effects
-        },
+        effects={name: e for name, e in effects.items() if name in known or name in problem.effects},
         forces_with=_Both(channel, rows, {}, effects),
         read_with=None,
         failed=failed,
@@ -146,23 +144,26 @@ def _observations(forces: Observations, seen: Sequence[FlowObservation], shown: 
     noise = np.concatenate([press.noise / np.sqrt(press.images) for press in seen])
     nothing, depth = np.full(len(table), np.nan), forces.table["depth_mm"]
     numbers = np.array([int(press.row.name) for press in seen]).repeat(m)
+    of_force = forces.table.assign(channel="force", region=-1, errs_over=depth / depth.max())
+
+    def joined(name: str, flow: np.ndarray) -> np.ndarray:
+        return np.concatenate([getattr(forces, name), flow])
+
+    def carried(name: str) -> np.ndarray:
+        return joined(name, getattr(forces, name)[numbers])
+
     return replace(
         forces,
-        table=pd.concat(
-            [forces.table.assign(channel="force", region=-1, errs_over=depth / depth.max()), table],
-            ignore_index=True,
-        ),
-        force=np.concatenate([forces.force, np.column_stack([flow, nothing])]),
-        noise_N=np.concatenate([forces.noise_N, np.column_stack([noise, nothing])]),
-        zero_N=np.concatenate([forces.zero_N, np.zeros((len(table), 3))]),
-        press_depth_mm=np.concatenate([forces.press_depth_mm, forces.press_depth_mm[numbers]]),
-        session_depth_mm=np.concatenate([forces.session_depth_mm, forces.session_depth_mm[numbers]]),
-        rounding_N=np.concatenate([forces.rounding_N, np.zeros((len(table), 3))]),
-        drift_N=np.concatenate([forces.drift_N, np.zeros((len(table), 3))]),
-        trend_N=np.concatenate([forces.trend_N, np.zeros((len(table), 3))]),
-        came_along=np.concatenate([forces.came_along, forces.came_along[numbers]]),
-        repeats=np.concatenate([forces.repeats, np.full(len(table), np.inf)]),
-        tails=np.concatenate([forces.tails, np.ones(len(table))]),
+        table=pd.concat([of_force, table], ignore_index=True),
+        force=joined("force", np.column_stack([flow, nothing])),
+        noise_N=joined("noise_N", np.column_stack([noise, nothing])),
+        **{
+            name: joined(name, np.zeros((len(table), 3)))
+            for name in ("zero_N", "rounding_N", "drift_N", "trend_N")
+        },
+        **{name: carried(name) for name in ("press_depth_mm", "session_depth_mm", "came_along")},
+        repeats=joined("repeats", np.full(len(table), np.inf)),
+        tails=joined("tails", np.ones(len(table))),
     )
 
 

@@ -23,9 +23,8 @@ from gelforge.mismatch.terms.holdout import Blocks
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted, refitted
 from gelforge.mismatch.terms.unknown import Kernel
+from gelforge.mismatch.thresholds import WORTH_SOLVING
 from gelforge.progress import stage
-
-WORTH_SOLVING = 0.1  # probability of an effect, below which no effect is solved
 
 
 @dataclass(frozen=True)

@@ -15,18 +15,16 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.alternatives import TEMPERING, normalised
+from gelforge.mismatch.evidence.alternatives import normalised
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidence
-from gelforge.mismatch.evidence.screen import SCALES
 from gelforge.mismatch.result.verdict import SURE
 from gelforge.mismatch.terms.holdout import Blocks, Gain, gain, predictive_scores
 from gelforge.mismatch.terms.module import Module
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted
 from gelforge.mismatch.terms.unknown import FROM_PLACE_TO_PLACE, WITH_DEPTH, Kernel, Span, kernels, log_priors
-
-FARTHEST_MM = 6.0  # from the nearest site that it was learnt from, beyond which a change from place to place is not known
+from gelforge.mismatch.thresholds import FARTHEST_MM, SCALES, TEMPERING
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,14 +14,13 @@ from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.evidence.spread import spread_out
 from gelforge.mismatch.model.effect import unturned
 from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.thresholds import MOST_SITES, OBSERVABLE
 
-SITES = 9  # that are solved
 ORDER = 2  # of the polynomial
-OBSERVABLE = 0.1  # of the largest change of a site, above which a site is worth solving
 STIFFNESS = 1e-3  # of the prior that holds the bend at none, as a share of the change's mean square
 
 
-def at_few_sites(problem: Problem, most: int = SITES) -> Problem:
+def at_few_sites(problem: Problem, most: int = MOST_SITES) -> Problem:
     """Return the problem with forces solved at a few sites; itself where there are no more, or nothing says how to bend.
 
     What is solved in order, or switched on, is solved everywhere.

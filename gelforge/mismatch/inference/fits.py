@@ -13,14 +13,8 @@ from gelforge.mismatch.evidence.screen import Candidate, Screened, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior
 from gelforge.mismatch.terms.problem import Problem, secant
 from gelforge.mismatch.terms.refit import Refitted, refitted
+from gelforge.mismatch.thresholds import COMPETITOR, CURVED_SNR, MOST_FREE, MOST_SOLUTIONS, MOST_SOLVED
 from gelforge.progress import stage
-
-MOST_SOLVED = 4  # sets that are fitted with the finite elements
-MOST_SOLUTIONS = 3  # of one set
-MOST_FREE = 8  # sets that are fitted and need none
-COMPETITOR = 5.0  # log weight behind the most probable set, within which another one is its competitor
-# Of what the real model changes beside the linear change: below it the linear pass is not made again.
-CURVED_SNR = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ import numpy as np
 
 from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN
-from gelforge.mismatch.evidence.identifiability import DETECTED_SNR
 from gelforge.mismatch.evidence.screen import Screened
 from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.answer import Answer, explained
@@ -21,13 +20,8 @@ from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted
 from gelforge.mismatch.terms.unknown import Kernel, kernels_of
 from gelforge.mismatch.terms.weighing import chance_of_known
+from gelforge.mismatch.thresholds import DETECTED_SNR, LIKELY, MOST_EFFECTS, NOTHING_P
 from gelforge.progress import stage
-
-LIKELY = 0.5
-# Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm.
-# Chi-square and scan are exact: below LEFT_P either is an alarm by itself, in at most 4 of 1,000 recordings by chance.
-NOTHING_P = 0.1
-MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too few
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,8 @@ from gelforge.mismatch.evidence.screen import Screened, screened
 from gelforge.mismatch.inference.fits import forces_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import refitted
+from gelforge.mismatch.thresholds import STRONG_SNR
 from gelforge.progress import stage
-
-STRONG_SNR = 10.0  # of a defect's change: below it what lies between places is less than noise
 
 
 def placed(problem: Problem, real: Problem) -> tuple[Problem, str]:

@@ -16,20 +16,15 @@ from functools import cached_property
 import numpy as np
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.alternatives import NOTHING, TEMPERING, UNKNOWN, log_prior, normalised
+from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, log_prior, normalised
 from gelforge.mismatch.evidence.identifiability import indistinguishable
 from gelforge.mismatch.evidence.screen import Screened, judged_under
 from gelforge.mismatch.inference.linear import Linear, scales_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.unknown import Kernel, Weighed, weighed_unknown
-from gelforge.mismatch.terms.weighing import FELT_SNR, observable_ones, weighed, with_form_errors
+from gelforge.mismatch.terms.weighing import observable_ones, weighed, with_form_errors
+from gelforge.mismatch.thresholds import BEAM, BESIDE, CREDIBLE, FELT_SNR, MOST_WITH_ERROR, REACH, TEMPERING
 from gelforge.progress import Progress
-
-REACH = 12.0  # log weight behind the best, within which a set is judged with the errors of its change
-MOST_BELIEVED = 50
-BEAM = 30  # pairs that a third effect is tried beside
-BESIDE = 6  # best sets beside which a discrepancy is weighed
-CREDIBLE = 0.95  # of an effect's probability, which its credible set holds
 
 Effects = frozenset[str]
 
@@ -261,7 +256,7 @@ def _with_error(
         return one[1] + log_prior(len(one[0]), max(known, len(one[0])))
 
     ranked = sorted(tables, key=lambda one: -weight(one))
-    near = [one for one in ranked[:MOST_BELIEVED] if weight(one) >= weight(ranked[0]) - REACH]
+    near = [one for one in ranked[:MOST_WITH_ERROR] if weight(one) >= weight(ranked[0]) - REACH]
     # The largest effect of a set is fitted alone before the set is (fits.py).
     reached = {one[0] for one in near}
     near += [one for one in ranked if one[0] not in reached and any(one[0] < other for other in reached)]

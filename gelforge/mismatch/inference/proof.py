@@ -11,17 +11,10 @@ import pandas as pd
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import Screened, judged_under
 from gelforge.mismatch.inference.posterior import Posterior
-from gelforge.mismatch.terms.holdout import (
-    FEW_SITES,
-    Blocks,
-    Gain,
-    gain,
-    predictive_scores,
-    selection_penalty_of,
-    split,
-)
+from gelforge.mismatch.terms.holdout import Blocks, Gain, gain, predictive_scores, selection_penalty_of, split
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted
+from gelforge.mismatch.thresholds import FEW_SITES
 
 
 @dataclass(frozen=True, eq=False)

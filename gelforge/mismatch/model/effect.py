@@ -66,7 +66,6 @@ class Effect:
     name: str
     family: str
     parameters: tuple[Parameter, ...]
-    enters: str = "mechanics.effects"  # the keys of the configuration, or the stage
     means: tuple[
         str, ...
     ] = ()  # what it is, as a clause; then, where one value says it all, more and less of it

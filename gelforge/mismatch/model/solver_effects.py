@@ -101,7 +101,7 @@ def solved_pair(
 
 def _of_entry(name: str) -> dict:
     """Return the fields of an Effect that an entry of the finite elements' catalogue gives."""
-    names = ("name", "family", "enters", "binary", "history", "mesh_changes", "step")
+    names = ("name", "family", "binary", "history", "mesh_changes", "step")
     return {field: getattr(CATALOGUE[name], field) for field in names}
 
 

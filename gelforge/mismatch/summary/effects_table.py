@@ -15,7 +15,7 @@ HEAD = """\
 # Effects that a verdict may name
 
 Written by `python -m gelforge.mismatch.summary.effects_table` from `gelforge/mismatch/effects/`, one file for each effect;
-they also hold where an effect enters and the source of every number. A parameter is `name [unit] width, from .. to`: the
+they also hold the source of every number. A parameter is `name [unit] width, from .. to`: the
 standard deviation of its prior, that is a plausible value, and the physical range. 0 is the effect's absence; a range that
 begins at 0 leaves one sign only. [mismatch-method.md](mismatch-method.md) says how a verdict is reached.
 

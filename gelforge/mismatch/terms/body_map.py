@@ -62,8 +62,6 @@ BOX = Effect(
     name="box_modulus",
     family="material",
     parameters=(Parameter("growth", "1", WIDTH, (-1.0, np.inf), "width and bounds: judgement"),),
-    enters="geometry.patches: the modulus of a box times 1 + a",
-    signature="what any change of stiffness does, wherever it is: it only shows where, and is never an answer",
     to_study=_to_study,
     to_forces=FirstOrder("box_modulus", scanned=boxes),
     shapes=lambda context: boxes(context.study),

@@ -11,9 +11,7 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.result.verdict import shown
-
-FEW_SITES = 4
-SHARE = 0.25  # of the sites and of the depths that is held out
+from gelforge.mismatch.thresholds import FEW_SITES, HELD_OUT
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +57,11 @@ def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
     if few:
         chosen = np.sort(sites)[turn - 1 : turn] if turn and len(sites) > 1 else sites[:0]
     else:
-        count = round(SHARE * len(sites))
+        count = round(HELD_OUT * len(sites))
         chosen = np.roll(sites, -turn * count)[:count]
     depth = labels["depth_mm"].to_numpy(float).round(6)
     levels = np.unique(depth)
-    deepest = levels[len(levels) - int(np.ceil(SHARE * len(levels))) :] if len(levels) > 1 else levels[:0]
+    deepest = levels[len(levels) - int(np.ceil(HELD_OUT * len(levels))) :] if len(levels) > 1 else levels[:0]
     positions = np.isin(site, chosen)
     deep = np.isin(depth, [] if few and turn else deepest) & ~positions
     return Blocks(~positions & ~deep, {"positions": positions, "deepest": deep})

@@ -15,14 +15,8 @@ from gelforge.mismatch.evidence.covariance import Covariance, slowly
 from gelforge.mismatch.evidence.screen import Candidate, split
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.thresholds import PLACE_ERROR, SCATTERED, SEEN_ERROR
 
-# Of its change, and of the way to the next places: a defect lies up to half a spacing from the places that are tried.
-PLACE_ERROR = 0.5
-# Of a change of the flow, which is the mean motion's on a coarser mesh: for one sensor the mesh puts it off by 4 to 5 %, the
-# search finds 0.94 to 1.02 of it by distance (benchmarks/flow_changes.py); for others it may be twice that.
-SEEN_ERROR = 0.2
-# Of the same, from region to region, by which particles lie in each: 0.10 to 0.12 there, of one depth.
-SCATTERED = 0.1
 # Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
 ForcesWith = Callable[[Sequence[Candidate], Sequence[np.ndarray], np.ndarray], np.ndarray]
 

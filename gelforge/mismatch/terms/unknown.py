@@ -16,12 +16,12 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.alternatives import TEMPERING, normalised
+from gelforge.mismatch.evidence.alternatives import normalised
 from gelforge.mismatch.evidence.covariance import Covariance, Draws
-from gelforge.mismatch.evidence.screen import SCALES, Candidate, chance_of, judged_by, log_evidence, whitened
+from gelforge.mismatch.evidence.screen import Candidate, chance_of, judged_by, log_evidence, whitened
 from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.thresholds import PLAUSIBLE, SCALES, TEMPERING
 
-PLAUSIBLE = 0.1  # of the pressing force, standard deviation; SCALES make it smaller
 MODES = {"depth": 6, "place": 4, "time": 8, "path": 3}  # cosines along each coordinate
 WITH_DEPTH, FROM_PLACE_TO_PLACE = "with depth", "from place to place"
 BESIDE = 3  # cosines over depth beside those of place, path or press

@@ -8,11 +8,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.screen import FORM_ERRORS, Screened, chance_of, judged_under, screened
+from gelforge.mismatch.evidence.screen import Screened, chance_of, judged_under, screened
 from gelforge.mismatch.terms.problem import Problem
-
-NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
-FELT_SNR = 0.5  # of a plausible value; below it nothing can be said for or against
+from gelforge.mismatch.thresholds import FELT_SNR, FORM_ERRORS, NOTICED
 
 
 def observable_ones(ranked: Sequence[Screened]) -> list[Screened]:
