@@ -168,7 +168,7 @@ def test_beside_another_effect_the_place_is_fitted_too():
     change = problem.observations.flat(bubble(context, there))
     off = [
         np.linalg.norm(one.columns @ fit.amounts[1] - change)
-        for one in (problem.at_its_place(void), problem.own(void))
+        for one in (problem.at_its_place(void), problem.tried(void))
     ]
     assert off[0] < 0.6 * off[1]
 

@@ -49,8 +49,8 @@ def test_each_manner_adds_the_product_of_its_directions():
         plain, U = problem.covariance.restricted(mask), 0.3 * kernel.directions[mask]
         eye = np.eye(mask.sum())
         added = U @ U.T
-        if kernel.each is not None:
-            added *= kernel.each[mask][:, None] == kernel.each[mask]
+        if kernel.groups is not None:
+            added *= kernel.groups[mask][:, None] == kernel.groups[mask]
         inverse = wider.whiten(eye).T @ wider.whiten(eye)
         dense = np.linalg.inv(plain.whiten(eye).T @ plain.whiten(eye)) + added
         assert_allclose(dense @ inverse, eye, atol=1e-5)

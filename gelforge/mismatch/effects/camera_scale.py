@@ -18,18 +18,11 @@ def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
     return Camera(**(camera.model_dump() | {"mm_per_px": flat / (1 + a)}))
 
 
+SOURCE = "width: a scale read off one known length in the image (judgement); bounds: another lens"
 EFFECT = Effect(
     name="camera_scale",
     family="camera",
-    parameters=(
-        Parameter(
-            "growth",
-            "1",
-            0.02,
-            (-0.3, 0.3),
-            "width: a scale read off one known length in the image (judgement); bounds: another lens",
-        ),
-    ),
+    parameters=(Parameter("growth", "1", 0.02, (-0.3, 0.3), SOURCE),),
     means=("the camera's scale is off",),
     signature="all flow in proportion, along its own direction; forces clean",
     separated_by="a ruler or a checkerboard at the gel's height",

@@ -47,18 +47,13 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
     return force - lag * speed(context, stamp)[:, None] * per_depth(context)
 
 
+SOURCE = (
+    "width: recorders without a common trigger, or a filter of some hertz (judgement); bounds: seen by eye"
+)
 EFFECT = Effect(
     name="clock_offset",
     family="kinematics",
-    parameters=(
-        Parameter(
-            "lag",
-            "s",
-            0.05,
-            (-1.0, 1.0),
-            "width: recorders without a common trigger, or a filter of some hertz (judgement); bounds: seen by eye",
-        ),
-    ),
+    parameters=(Parameter("lag", "s", 0.05, (-1.0, 1.0), SOURCE),),
     means=("the clocks of force sensor and stage disagree",),
     signature="less force during loading and more during unloading, in proportion to speed; nothing while the stage waits",
     separated_by="the same indentation at two speeds, with a wait at the end; one trigger line for all recorders",

@@ -43,10 +43,8 @@ EFFECT = Effect(
     family="force sensor",
     parameters=on_each_axis("N/h", 0.1, (-5.0, 5.0), SOURCE),
     means=("the force sensor's zero drifts",),
-    signature=(
-        "the same force at every place and depth, growing with time for good or until all is warm; in raster order"
-        " a slope over the sensor"
-    ),
+    signature="the same force at every place and depth, growing with time for good or until all is warm; in raster order"
+    " a slope over the sensor",
     separated_by="random order, zero readings before and after every indentation",
     to_forces=to_forces,
     shapes=shapes,

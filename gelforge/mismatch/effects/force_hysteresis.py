@@ -72,10 +72,8 @@ EFFECT = Effect(
     family="force sensor",
     parameters=on_each_axis("1", 0.02, (0.0, 0.3), SOURCE),
     means=("the force sensor has hysteresis",),
-    signature=(
-        "more force during unloading than during loading, most at half of the indentation's largest force or"
-        " as much at any"
-    ),
+    signature="more force during unloading than during loading, most at half of the indentation's largest force or"
+    " as much at any",
     separated_by="dead weights put on and taken off; unloading at two speeds (hysteresis does not know time)",
     to_forces=to_forces,
     shapes=shapes,

@@ -19,10 +19,8 @@ EFFECT = solved(
     "frame_compliance",
     "compliance",
     (0.0, 0.5),
-    (
-        "width: 20 N/mm, a light printed frame with a force sensor (judgement; machined ones have 1000); bounds: 2 N/mm."
-        " A negative compliance fits many stiffening curves and is no physics"
-    ),
+    "width: 20 N/mm, a light printed frame with a force sensor (judgement; machined ones have 1000); bounds: 2 N/mm."
+    " A negative compliance fits many stiffening curves and is no physics",
     present=has("kinematics.frame_compliance_mm_per_N"),
     means=("the stage's frame is compliant",),
     signature="softer as force times slope: nothing at small depth, most at the deepest indentations and near the wall",

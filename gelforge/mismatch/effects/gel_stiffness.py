@@ -6,10 +6,8 @@ EFFECT = solved(
     "gel_stiffness",
     "growth",
     (-0.8, 4.0),
-    (
-        "width: scatter of soft silicones by batch, mixing ratio and cure (judgement); particles of 2 % by volume add"
-        " 5 % (Eshelby 1957, 1 / (1 - 5 phi / 2)); bounds: still a gel"
-    ),
+    "width: scatter of soft silicones by batch, mixing ratio and cure (judgement); particles of 2 % by volume add"
+    " 5 % (Eshelby 1957, 1 / (1 - 5 phi / 2)); bounds: still a gel",
     means=(
         "the gel differs in stiffness",
         "the gel is {share} stiffer than simulated",

@@ -6,10 +6,8 @@ EFFECT = solved(
     "indenter_radius",
     "change",
     (-1.0, 1.0),
-    (
-        "width: a printed or cast ball, 5 % of 5 mm (judgement; a bearing's ball is good to 1e-3 mm);"
-        " bounds: a wrong ball"
-    ),
+    "width: a printed or cast ball, 5 % of 5 mm (judgement; a bearing's ball is good to 1e-3 mm);"
+    " bounds: a wrong ball",
     present=has("geometry.indenter_radius_change_mm"),
     means=(
         "the indenter's radius differs",

@@ -123,19 +123,13 @@ EFFECT = solved(
     "mullins",
     "largest_loss",
     (0.0, LARGEST),
-    (
-        "width: unfilled silicones lose little, filled rubbers up to half of their stress at the second loading"
-        " (judgement); bounds: a share of the stress"
-    ),
+    "width: unfilled silicones lose little, filled rubbers up to half of their stress at the second loading"
+    " (judgement); bounds: a share of the stress",
     means=("the gel softens where it has been strained before",),
-    signature=(
-        "softer where deeper indentations have been before, neighbours included, and during unloading; first"
-        " indentations clean"
-    ),
-    separated_by=(
-        "random order, with a return to one site at every ninth indentation, and first indentations on a"
-        " fresh sensor"
-    ),
+    signature="softer where deeper indentations have been before, neighbours included, and during unloading; first"
+    " indentations clean",
+    separated_by="random order, with a return to one site at every ninth indentation, and first indentations on a"
+    " fresh sensor",
     depends_on=("gel_stiffness",),
     applies=lambda study: has_none_of("history.mullins")(study) and study.mechanics.strain == "finite",
     to_study=to_study,

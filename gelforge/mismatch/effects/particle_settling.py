@@ -6,10 +6,8 @@ EFFECT = solved(
     "particle_settling",
     "sunk_share",
     (-1.0, 1.0),
-    (
-        "width and bounds: half to all of the particles' concentration shifted (the sign is that of their density less"
-        " the gel's)"
-    ),
+    "width and bounds: half to all of the particles' concentration shifted (the sign is that of their density less"
+    " the gel's)",
     closed=True,
     present=has("material.particles.settling"),
     means=("the particles have settled in the gel",),

@@ -28,18 +28,11 @@ def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
     return Camera(**(camera.model_dump() | seen))
 
 
+SOURCE = "width: silicones have 1.40 to 1.43; bounds: no glass or polymer in use has more"
 EFFECT = Effect(
     name="refraction",
     family="camera",
-    parameters=(
-        Parameter(
-            "index_less_1",
-            "1",
-            0.4,
-            (0.0, 0.7),
-            "width: silicones have 1.40 to 1.43; bounds: no glass or polymer in use has more",
-        ),
-    ),
+    parameters=(Parameter("index_less_1", "1", 0.4, (0.0, 0.7), SOURCE),),
     means=("the camera looks through more refraction than assumed",),
     signature="flow larger everywhere, and less of it from motion along the view; forces clean",
     separated_by="a checkerboard seen through the gel and without it",

@@ -6,10 +6,8 @@ EFFECT = solved(
     "wall_stiffness",
     "growth",
     (-0.95, 10.0),
-    (
-        "width: another batch, or a wall thicker or thinner by half of itself (judgement); bounds: hardly there, or a"
-        " harder rubber"
-    ),
+    "width: another batch, or a wall thicker or thinner by half of itself (judgement); bounds: hardly there, or a"
+    " harder rubber",
     means=(
         "the wall differs in stiffness",
         "the wall is {share} stiffer than simulated",

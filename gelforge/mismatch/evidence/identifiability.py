@@ -23,7 +23,6 @@ class Limit:
     parameter: int
     shape: Shape  # where it is seen best
     amount: float
-    worst_amount: float  # at the shape where it is seen least
     prior_sd: (
         float  # the value in prior standard deviations; above 1 the recording cannot show what is plausible
     )
@@ -120,9 +119,8 @@ def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) ->
     limits = []
     for (name, k), shapes in found.items():
         best, candidate = min(shapes, key=lambda shape: shape[0])
-        worst = max(amount for amount, _ in shapes)
         width = 1.0 if candidate.binary else float(candidate.prior_sd[k])
-        limits.append(Limit(name, k, candidate.shape, float(best), float(worst), float(best / width)))
+        limits.append(Limit(name, k, candidate.shape, float(best), float(best / width)))
     return limits
 
 

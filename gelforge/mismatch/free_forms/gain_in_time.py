@@ -41,7 +41,7 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
         of_labels=False,
         where=lambda row: f"{row['time_s']:.4g} s into {row['session']}",
         form_of=("force_gain",),
-        instead="all forces in proportion over the session's time",
+        replaces="all forces in proportion over the session's time",
     )
 
 

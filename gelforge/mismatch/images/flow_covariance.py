@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -47,22 +45,20 @@ class Scatter:
     """How far one placement of particles, as the real ones are, is off the mean over placements: standard deviations.
 
     Where the particles of a region are near the camera, or at the side that moves more, it shows the same share too much of
-    the flow in all images; what is left stays from one indentation to the next of a site, but for what lies elsewhere in
-    the moved image.
+    the flow in all images; what is left differs from site to site, and there is one indentation at each.
     """
 
     alike: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
     beside: float  # correlation of these shares between neighbours, taken for that of what is left too
     own: np.ndarray  # (F, m, 2) [px] what is left
-    kept: float  # correlation of that between indentations of a site; 0 where there is one alone
 
 
 def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.DataFrame) -> Covariance:
     """Return the covariance of both channels.
 
-    Of the flow: independent its images' noise and what drawing leaves out; per site and direction the reference frame's
-    noise and where the particles of every region are (`Scatter`), neighbours alike in part; shared by all their share of the
-    flow in all images, the contact point of an indentation with images, in force and flow alike, the laws' directions, the
+    Of the flow: independent its images' noise, what drawing leaves out and where the particles of every region are
+    (`Scatter`); per site and direction the reference frame's noise, neighbours alike in part; shared by all their share of
+    the flow in all images, the contact point of an indentation with images, in force and flow alike, the laws' directions, the
     discretisation, at which heights the particles are that are seen, and two other looks of the particles.
     """
     forces = problem.covariance
@@ -70,15 +66,14 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
     n, noise = rows.entries, np.stack([p.noise for p in model.seen])
     images = np.array([p.images for p in model.seen])[:, None, None]
     base = model.drawn.mean(axis=1)
-    site = np.array([int(p.row["site"]) for p in model.seen])
-    scatter = scatter_of(model.drawn, site, np.all(rows.shown, axis=0))
-    variance = noise**2 / images + (1 - scatter.kept) * scatter.own**2 + LEAST_PX**2
+    scatter = scatter_of(model.drawn, np.all(rows.shown, axis=0))
+    variance = noise**2 / images + scatter.own**2 + LEAST_PX**2
     variance = variance + (DRAWN_SHARE * _smoothed(base**2) ** 0.5) ** 2
     flow = labels.iloc[n:]
     f, site_of_force = len(flow), dict(zip(labels["site"].iloc[:n], alike.group))
     seen_at = flow.groupby(["site", "axis"]).ngroup().to_numpy()
     root = neighbours(scatter.beside)[flow["region"].to_numpy(int)]
-    placed = root * rows.flat(np.sqrt(scatter.kept * scatter.own**2 + noise**2))[:, None]
+    placed = root * rows.flat(noise)[:, None]
     by_press, shared_force, shared_flow = _contact_points(problem, model, rows)
     laws = np.zeros((f, common.directions.shape[1]))
     for k, key in enumerate(sorted_laws(model)):
@@ -112,11 +107,10 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
     return Covariance(variances, levels, estimated_noise(rows.observations))
 
 
-def scatter_of(drawn: np.ndarray, site: np.ndarray, shown: np.ndarray) -> Scatter:
-    """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements, at indentations of sites (F,) int.
+def scatter_of(drawn: np.ndarray, shown: np.ndarray) -> Scatter:
+    """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements.
 
-    Correlations are those of regions (m,) bool that show the gel. Shares fitted to few indentations take some of what
-    these keep with them.
+    Correlations are those of regions (m,) bool that show the gel.
     """
     K, base = drawn.shape[1], drawn.mean(axis=1, keepdims=True)
     off, size = drawn - base, np.sum(base**2, axis=(0, 3))  # (F, K, m, 2), (1, m)
@@ -124,32 +118,24 @@ def scatter_of(drawn: np.ndarray, site: np.ndarray, shown: np.ndarray) -> Scatte
     own = off - share[None, :, :, None] * base
     freedom = (1 + 1 / K) / (K - 1)  # K placements about their mean, and the real one
     spread = np.sqrt(freedom * np.sum(share**2 * size) / max(np.sum(size), np.finfo(float).tiny))
-    same = [(a, b) for a, b in combinations(range(len(site)), 2) if site[a] == site[b]]
     return Scatter(
         alike=spread * base[:, 0],
         beside=_beside(share, np.where(shown, np.sqrt(size[0]), 0.0)),
         own=np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1))),
-        kept=_correlation([(own[a][:, shown], own[b][:, shown]) for a, b in same]),
     )
 
 
 def _beside(share: np.ndarray, moves: np.ndarray) -> float:
-    """Return the correlation of shares (K, m) between neighbours, weighted by how much both move (m,)."""
+    """Return the correlation of shares (K, m) between neighbours, 0 or more, weighted by how much both move (m,)."""
     grid, weight = share.reshape(-1, REGIONS, REGIONS), np.sqrt(moves.reshape(REGIONS, REGIONS))
     down, across = weight[1:] * weight[:-1], weight[:, 1:] * weight[:, :-1]
-    return _correlation(
-        [
-            (grid[:, 1:] * down, grid[:, :-1] * down),
-            (grid[:, :, 1:] * across, grid[:, :, :-1] * across),
-        ]
-    )
-
-
-def _correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Return the correlation of pairs of quantities of mean 0, at least 0; 0 of none."""
-    products = sum(float(np.sum(a * b)) for a, b in pairs)
-    sizes = np.sqrt(sum(float(np.sum(a**2)) for a, _ in pairs) * sum(float(np.sum(b**2)) for _, b in pairs))
-    return float(np.clip(products / sizes, 0.0, 1.0)) if sizes > 0 else 0.0
+    pairs = [
+        (grid[:, 1:] * down, grid[:, :-1] * down),
+        (grid[:, :, 1:] * across, grid[:, :, :-1] * across),
+    ]
+    one, other = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(np.clip(one @ other / size, 0.0, 1.0)) if size > 0 else 0.0
 
 
 def neighbours(beside: float) -> np.ndarray:

@@ -123,10 +123,10 @@ def _at_prior_sd(
     has a place goes on to where the real model fits best, unless it was placed before (placing.py): between places that were
     tried its columns are but interpolated.
     """
-    parts = tuple(replace(part, prior_sd=relinearised.own(part).prior_sd) for part in fit.parts)
+    parts = tuple(replace(part, prior_sd=relinearised.tried(part).prior_sd) for part in fit.parts)
     again = replace(start, parts=parts, amounts=np.concatenate(fit.amounts))
     try:
-        if any(part.moved_from is not None and relinearised.own(part).moved_from is None for part in parts):
+        if any(part.moved_from is not None and relinearised.tried(part).moved_from is None for part in parts):
             every = np.ones(len(problem.labels), bool)
             return refitted(
                 replace(relinearised, forces_with=problem.with_linear_history().forces_with),

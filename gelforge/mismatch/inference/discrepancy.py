@@ -121,7 +121,7 @@ def modelled(
         evidence = [base.learnt_by(scale * kernel.directions, every)[0] for scale in SCALES]
         return TEMPERING * float(logsumexp(evidence)) + priors[kernel.words]
 
-    kernel = max((one for one in tried if one.each is None), key=weight)
+    kernel = max((one for one in tried if one.groups is None), key=weight)
     D, train = kernel.directions, blocks.train
     before, spread_before = base.left_by(D[:, :0], train)
     after, spread = base.left_by(D, train)

@@ -115,7 +115,7 @@ def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
 
     What has a place changes by the same factor, least squares, at all others.
     """
-    own = [problem.own(part) for part in fit.parts]
+    own = [problem.tried(part) for part in fit.parts]
     columns = np.column_stack([problem.columns_at(part) for part in fit.parts])
     amounts = np.concatenate(fit.amounts)
     linear = columns @ amounts

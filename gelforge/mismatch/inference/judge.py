@@ -50,22 +50,15 @@ class Judgement:
             raise ValueError(f"a judgement that is {self.state} has no answer")
         return self.answer
 
-    @property
-    def modelled(self) -> Modelled:
-        """The model, of a state that has one. Raises ValueError for another."""
-        if self.model is None:
-            raise ValueError(f"a judgement that is {self.state} has no model")
-        return self.model
 
-
-def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
+def judge(problem: Problem, settings: Mismatch, seed: int) -> Judgement:
     """Return the judgement on a problem.
 
     All readings say whether there is a mismatch, where, and what could explain it; the values of the answer by the
     training readings alone predict those held out.
     """
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
-    blocks, every = split(labels, seed, turn), np.ones(len(labels), bool)
+    blocks, every = split(labels, seed), np.ones(len(labels), bool)
     kernels = kernels_of(problem)
     stage("size and place of the mismatch")
     mismatch = residual_tests(problem, problem.residual, every, settings, rng)

@@ -38,7 +38,7 @@ def placed(problem: Problem, real: Problem) -> tuple[Problem, str]:
     ((part,), (amounts,)) = fit.parts, fit.amounts
     if part.moved_from is None or not np.any(amounts):
         return problem, ""
-    own, (amount,) = problem.own(part), amounts
+    own, (amount,) = problem.tried(part), amounts
     there = replace(part, columns=change[:, None] / amount, prior_sd=own.prior_sd)
     return replace(problem, candidates=[there if one is own else one for one in problem.candidates]), ""
 

@@ -68,9 +68,8 @@ class Posterior:
 
     def weight(self, effects: Effects) -> float:
         """Return the log of prior times tempered evidence, but for a common constant."""
-        return TEMPERING * self.evidence.get(effects, 0.0) + log_prior(
-            len(effects), max(self.known, len(effects))
-        )
+        count = len(effects)
+        return TEMPERING * self.evidence.get(effects, 0.0) + log_prior(count, max(self.known, count))
 
     def ranked(self) -> list[Effects]:
         """Return the known sets, the most probable first."""
@@ -100,17 +99,11 @@ class Posterior:
     def causes(self) -> dict[str, float]:
         """Return the probability of each kernel, in words, or of its cause in the catalogue's form and nothing unknown."""
         forms = self.unknown[NOTHING].forms
+        known = [effects for effects in self.probability if UNKNOWN not in effects]
         return {
-            words: min(
-                p + sum(own for effects, own in self.probability.items() if self._is(effects, forms[words])),
-                1.0,
-            )
+            words: min(p + sum(self.probability[e] for e in known if e & set(forms[words])), 1.0)
             for words, p in self.kernels.items()
         }
-
-    @staticmethod
-    def _is(effects: Effects, forms: Iterable[str]) -> bool:
-        return UNKNOWN not in effects and bool(effects & set(forms))
 
     def lines_of(self, effects: Effects) -> frozenset[Effects]:
         """Return the lines of a set's effects."""
@@ -149,10 +142,6 @@ class Posterior:
             shares={one: own / total for one, own in chance.items()},
         )
 
-    def with_evidence(self, evidence: Mapping[Effects, float]) -> Posterior:
-        """Return the posterior with other evidence for some sets."""
-        return replace(self, evidence={**self.evidence, **evidence})
-
 
 def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
     """Return the posterior by all readings."""
@@ -183,7 +172,7 @@ def with_unknown(problem: Problem, posterior: Posterior, kernels: Sequence[Kerne
         effects | {UNKNOWN}: posterior.evidence.get(effects, 0.0) + found.log_bayes_factor
         for effects, found in unknown.items()
     }
-    return replace(posterior, unknown=unknown).with_evidence(more)
+    return replace(posterior, unknown=unknown, evidence={**posterior.evidence, **more})
 
 
 def set_tables(linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:

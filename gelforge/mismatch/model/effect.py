@@ -2,7 +2,7 @@
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Parameter:
     width: float  # standard deviation of its prior: a plausible value
     bounds: tuple[float, float]  # the physical range
     source: str  # of width and bounds
-    closed: bool = False  # a bound other than 0 is physical, as an empty ball is
+    closed: bool = field(default=False, kw_only=True)  # a bound other than 0 is physical, as an empty ball is
 
     @property
     def sign(self) -> int:

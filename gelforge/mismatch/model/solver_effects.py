@@ -63,7 +63,7 @@ def solved(
 
     scan = {"shapes": lambda context: scanned(context.study)} if scanned else {}
     about = {
-        "parameters": (Parameter(parameter, entry.unit, entry.width, bounds, source, closed),),
+        "parameters": (Parameter(parameter, entry.unit, entry.width, bounds, source, closed=closed),),
         "to_study": to_study,
         "to_forces": FirstOrder(name, scanned=scanned),
     }

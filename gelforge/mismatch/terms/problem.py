@@ -154,11 +154,12 @@ class Problem:
             others = [(part, a) for part, a in zip(parts, amounts) if not which(part)]
             if not chosen:
                 return self.forces_with(parts, amounts, rows)
-            change, others = change_of(*zip(*chosen), rows), tuple(zip(*others)) or ((), ())
+            change = change_of([part for part, _ in chosen], [a for _, a in chosen], rows)
+            rest, values = [part for part, _ in others], [a for _, a in others]
             if self.read_with is None:
-                forces = self.base + change + self.linear_change(*others)
+                forces = self.base + change + self.linear_change(rest, values)
             else:
-                forces = self.read_with(*others, change)
+                forces = self.read_with(rest, values, change)
             return np.where(rows[:, None], forces, np.nan)
 
         return replace(self, forces_with=forces_with)
@@ -179,7 +180,7 @@ class Problem:
             forces = self.forces_with([part for part, _ in others], [a for _, a in others], rows)
             if any(slow):
                 kept = [(part, a) for part, a, is_slow in zip(parts, amounts, slow) if is_slow]
-                forces = forces + self.linear_change(*zip(*kept))
+                forces = forces + self.linear_change([part for part, _ in kept], [a for _, a in kept])
             return forces
 
         return replace(self, forces_with=forces_with)
@@ -188,14 +189,14 @@ class Problem:
         """Return whether something that is solved in order is among some effects."""
         return any(self.effects[part.name].path_dependent for part in parts)
 
-    def own(self, part: Candidate) -> Candidate:
+    def tried(self, part: Candidate) -> Candidate:
         """Return the problem's own candidate of a part's effect and tried shape."""
         return next(c for c in self.candidates if c.name == part.name and c.tried == part.tried)
 
     def slopes_of(self, part: Candidate) -> dict[str, places.Slope]:
         """Return what `places.slopes` gives of a part; nothing where it has no place or nothing is solved for it."""
         located = "x_mm" in part.shape and self.solves(part)
-        return places.slopes(self.own(part), self.places_of(part)) if located else {}
+        return places.slopes(self.tried(part), self.places_of(part)) if located else {}
 
     def places_of(self, part: Candidate) -> list[Candidate]:
         """Return the problem's candidates of a part's effect, one for each shape."""
@@ -203,7 +204,7 @@ class Problem:
 
     def columns_at(self, part: Candidate) -> np.ndarray:
         """Return the linear change (n, p) per unit by a part at its place, between places to first order."""
-        own, columns = self.own(part), self.own(part).columns
+        own, columns = self.tried(part), self.tried(part).columns
         for axis, slope in self.slopes_of(part).items():
             columns = columns + (float(part.shape[axis]) - float(own.shape[axis])) * slope.columns
         return columns

@@ -39,16 +39,16 @@ class Kernel:
     words: str
     directions: np.ndarray  # (n, q) [N], a standard deviation of PLAUSIBLE together
     # (n,) int, groups of entries that differ each by itself; None: all together
-    each: np.ndarray | None = None
+    groups: np.ndarray | None = None
     form_of: tuple[str, ...] = ()  # effects of the catalogue that are the same cause in another form
     is_cause = False  # physics that can be claimed, with a form of its own
 
     def beside(self, covariance: Covariance, scale: float) -> Covariance:
         """Return the covariance of n entries with this kernel at a scale of its plausible size."""
-        if self.each is None:
+        if self.groups is None:
             return covariance.extended(scale * self.directions)
         *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
-        group = np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each)
+        group = np.where(self.groups < 0, self.groups.max() + 1 + alike.group, self.groups)
         return replace(covariance, levels=(*finer, Draws(group, scale * self.directions), alike, common))
 
 
@@ -102,7 +102,7 @@ def weighed_unknown(
     judged = judged_by(r, parts, white).log_bayes_factor if parts else 0.0
     without, found = covariance.log_density(residual) + judged, {}
     for kernel in kernels:
-        if kernel.each is None:
+        if kernel.groups is None:
             directions, q = covariance.whiten(kernel.directions), kernel.directions.shape[1]
             drawn = Candidate(kernel.words, {}, kernel.directions, np.ones(q), np.zeros(q))
             scaled = [replace(drawn, prior_sd=np.full(q, scale)) for scale in SCALES]
@@ -148,7 +148,7 @@ def kernels_of(problem: Problem) -> list[Kernel]:
     pressing = np.where(flow, 0.0, np.abs(problem.base[labels["reading"], 2]))
     press = np.where(flow, -1, np.unique(labels["press"], return_inverse=True)[1].ravel())
     found = kernels(labels, own, pressing, Span.of(labels), press)
-    named = {module.instead for module in problem.modules}
+    named = {module.replaces for module in problem.modules}
     return [one for one in found if one.words not in named] + [
         _padded(module, len(labels)) for module in problem.modules
     ]
