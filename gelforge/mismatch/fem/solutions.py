@@ -277,22 +277,20 @@ def each_derivative(
     beside = {key: variation for key, variation in asked.items() if not variation.alone}
     along: dict[str, Derivative | str] = {}
 
-    def each(key: str, solve: Callable[[], Derivative]) -> None:
-        try:
-            along[key] = solve()
-        except (NotConverged, ConfigError) as failure:
-            along[key] = str(failure)
-
     try:
         base, solved = derivatives(study, laws, planned, beside, solution)
         along |= solved
     except (NotConverged, ConfigError):  # one that fails must not take the others with it
-        base = derivatives(study, laws, planned, {}, solution)[0]
-        for key, one in beside.items():
-            each(key, lambda one=one: derivatives(study, laws, planned, {"": one}, solution)[1][""])
+        base, solved = derivatives(study, laws, planned, {}, solution)[0], {}
     for key, one in asked.items():
-        if one.alone:
-            each(key, lambda one=one: subtracted(base, laws, planned, one))
+        if key not in solved:
+            try:
+                if one.alone:
+                    along[key] = subtracted(base, laws, planned, one)
+                else:
+                    along[key] = derivatives(study, laws, planned, {key: one}, solution)[1][key]
+            except (NotConverged, ConfigError) as failure:
+                along[key] = str(failure)
     return base, along
 
 
@@ -323,7 +321,7 @@ def in_time(task: tuple[Solver, Sequence[Trajectory]]) -> list[np.ndarray] | str
 
     def solve() -> dict[str, np.ndarray] | str:
         by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
-        totals = {}
+        totals: dict[str, np.ndarray] = {}
         for cell, _ in simulate_in_order(study.sensor, study.indenter, study.mechanics, by_layer, paths):
             if not cell.converged:
                 return str(cell.attributes["reason"])

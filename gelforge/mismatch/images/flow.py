@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -41,6 +42,7 @@ from gelforge.virtual_lab.particles import VirtualLabError
 # Of the study's sizes, the mesh on which changes of the flow are solved: on one twice as coarse, as forces have it, they are
 # 14 % off and call for effects that are not there; on this one 5 % (benchmarks/flow_changes.py).
 COARSER = 1.25
+PRESS_FIELDS = ("press_depth_mm", "session_depth_mm", "came_along")  # of observations: an indentation's own
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,22 +151,12 @@ def _observations(forces: Observations, seen: Sequence[FlowObservation], shown: 
     def joined(name: str, flow: np.ndarray) -> np.ndarray:
         return np.concatenate([getattr(forces, name), flow])
 
-    def carried(name: str) -> np.ndarray:
-        return joined(name, getattr(forces, name)[numbers])
-
-    return replace(
-        forces,
-        table=pd.concat([of_force, table], ignore_index=True),
-        force=joined("force", np.column_stack([flow, nothing])),
-        noise_N=joined("noise_N", np.column_stack([noise, nothing])),
-        **{
-            name: joined(name, np.zeros((len(table), 3)))
-            for name in ("zero_N", "rounding_N", "drift_N", "trend_N")
-        },
-        **{name: carried(name) for name in ("press_depth_mm", "session_depth_mm", "came_along")},
-        repeats=joined("repeats", np.full(len(table), np.inf)),
-        tails=joined("tails", np.ones(len(table))),
-    )
+    more = {name: np.zeros((len(table), 3)) for name in ("zero_N", "rounding_N", "drift_N", "trend_N")}
+    more |= {name: getattr(forces, name)[numbers] for name in PRESS_FIELDS}
+    more |= {"force": np.column_stack([flow, nothing]), "noise_N": np.column_stack([noise, nothing])}
+    more |= {"repeats": np.full(len(table), np.inf), "tails": np.ones(len(table))}
+    arrays: dict[str, Any] = {name: joined(name, own) for name, own in more.items()}
+    return replace(forces, table=pd.concat([of_force, table], ignore_index=True), **arrays)
 
 
 def _candidates(

@@ -58,8 +58,8 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
 
     Of the flow: independent its images' noise, what drawing leaves out and where the particles of every region are
     (`Scatter`); per site and direction the reference frame's noise, neighbours alike in part; shared by all their share of
-    the flow in all images, the contact point of an indentation with images, in force and flow alike, the laws' directions, the
-    discretisation, at which heights the particles are that are seen, and two other looks of the particles.
+    the flow in all images, the contact point of an indentation with images, in force and flow alike, the laws' directions,
+    the discretisation, at which heights the particles are that are seen, and two other looks of the particles.
     """
     forces = problem.covariance
     *depth, press, alike, common = forces.levels

@@ -26,15 +26,7 @@ from gelforge.mismatch.terms.unknown import Kernel
 from gelforge.mismatch.thresholds import WORTH_SOLVING
 from gelforge.progress import stage
 
-
-@dataclass(frozen=True)
-class Group(CredibleSet):
-    """The credible set of an effect of an answer, and how much it matters which of its effects is taken."""
-
-    differs_snr: float = (
-        0.0  # largest difference between the readings that the effects predict, signal over noise
-    )
-    differs_N: float = 0.0  # the same, root mean square over readings [N]
+Group = CredibleSet  # of an effect of an answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,13 +156,13 @@ def averaged(posterior: Posterior, mode: Effects, fit: Refitted) -> Refitted:
 
 def groups_of(problem: Problem, posterior: Posterior, fit: Refitted) -> tuple[Group, ...]:
     """Return the credible set of each fitted effect, the most probable first."""
-    effects, found = frozenset(part.name for part in fit.parts), []
+    effects, groups = frozenset(part.name for part in fit.parts), []
     for one in posterior.credible_sets(effects):
         first, *others = one.names
         differs = [_difference(problem, posterior, effects, first, other) for other in others]
-        snr, size = (max(sizes, default=0.0) for sizes in zip(*differs)) if differs else (0.0, 0.0)
-        found.append(Group(**vars(one), differs_snr=snr, differs_N=size))
-    return tuple(found)
+        snr, size = np.max([(0.0, 0.0), *differs], axis=0)
+        groups.append(replace(one, differs_snr=float(snr), differs_N=float(size)))
+    return tuple(groups)
 
 
 def _difference(

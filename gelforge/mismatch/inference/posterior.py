@@ -38,6 +38,10 @@ class CredibleSet:
     probability: float  # that a member is there
     set_probability: float  # that an effect of the set is there
     shares: Mapping[str, float]  # of each effect in the set; they add up to 1
+    differs_snr: float = (
+        0.0  # largest difference between the readings that its effects predict, signal over noise
+    )
+    differs_N: float = 0.0  # the same, root mean square over readings [N]
 
     @property
     def names(self) -> tuple[str, ...]:

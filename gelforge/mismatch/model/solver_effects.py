@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def solved_pair(
     parameters: tuple[str, str],
     bounds: tuple[float, float],
     source: str,
-    present: Callable[[Study], Sequence[float]],
+    present: Callable[[Study], Any],
     keys: Callable[[Study, list[float]], dict],
     **fields,
 ) -> Effect:
@@ -152,8 +153,8 @@ def circumstance(name: str, source: str, key: str, reference: str, column: str, 
         beyond = np.nan_to_num(context.observations.table[column].to_numpy(float) - here)
         return force + a * beyond[:, None] * context.derivative("gel_stiffness")
 
-    about = {"depends_on": ("gel_stiffness",), "shapes": shapes, "to_forces": to_forces}
-    return solved(name, "rate", (-0.1, 0.1), source, present, **about | fields)
+    fields |= {"depends_on": ("gel_stiffness",), "shapes": shapes, "to_forces": to_forces}
+    return solved(name, "rate", (-0.1, 0.1), source, present, **fields)
 
 
 def data_entry_error(
@@ -220,8 +221,8 @@ def per_depth(context: Context) -> np.ndarray:
     return context.derivative("contact_zero") if "contact_zero" in known else context.slope()
 
 
-def has(key: str) -> Callable[[Study], float]:
-    """Return the function that reads a number of mechanics.effects."""
+def has(key: str) -> Callable[[Study], Any]:
+    """Return the function that reads a number, or two, of mechanics.effects."""
     read = attrgetter(key)
     return lambda study: read(study.mechanics.effects)
 

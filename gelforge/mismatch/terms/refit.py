@@ -15,8 +15,9 @@ from gelforge.mismatch.evidence.places import displaced
 from gelforge.mismatch.evidence.screen import Candidate, Screened, split
 from gelforge.mismatch.terms.problem import Problem, secant
 
-MOST_STEPS = 12  # of a fit, each one solution where something is solved
-ENOUGH = 1e-5  # of the cost: a smaller step of values is below a tenth of their standard deviation
+MOST_STEPS = 16  # of a fit, each one solution where something is solved
+ENOUGH = 1e-5  # of the cost, some 1,000: a smaller gain is a step of a seventh of a standard deviation
+NO_STEP = 1e-2  # of values in plausible ones: where columns are secants shorter steps gain nothing
 DIFFERENCE = 1e-3  # of a plausible value: for columns taken anew where nothing is solved
 PART_OF_A_WAY = 0.25  # half-way to the next place: across it the columns of ways are differences
 SEEN_SNR = 0.5  # of a way half to the next place: what the readings see less of is not fitted
@@ -57,18 +58,23 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
     """
     variables = variables_of(problem, start, mask, placing)
     residual, prior_sd, free = problem.residual[mask], variables.prior_sd, ~variables.binary
-    at = variables.first()
+    at, bounds = variables.first(), variables.bounds
+    low, high = (bound[free] / prior_sd[free] for bound in bounds)
+
+    def with_free(values: np.ndarray) -> np.ndarray:
+        """Return the variables (q,) of free ones in units of their priors; what is at a bound is that number."""
+        a, inside = at.copy(), values * prior_sd[free]
+        a[free] = np.where(values <= low, bounds[0][free], np.where(values >= high, bounds[1][free], inside))
+        return a
+
+    first = np.clip(at[free] / prior_sd[free], low, high)
+    at = with_free(first)
     covariance, changes = variables.covariance(at), {at.tobytes(): variables.change(at)}
     solved = any(problem.solves(part) for part in start.parts)
     J = variables.columns()
     if solved:
         J = secant(J, changes[at.tobytes()] - J @ at, at, prior_sd) if at.any() else J
         J = _along_ways(J, changes[at.tobytes()], at, variables)
-
-    def with_free(values: np.ndarray) -> np.ndarray:
-        a = at.copy()
-        a[free] = values
-        return a
 
     def misfit(values: np.ndarray) -> np.ndarray:
         a = with_free(values)
@@ -77,7 +83,7 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
                 changes[a.tobytes()] = variables.change(a)
             except NotConverged:  # a shorter step is tried
                 return np.full(len(residual) + len(values), np.inf)
-        return np.r_[covariance.whiten(residual - changes[a.tobytes()]), values / prior_sd[free]]
+        return np.r_[covariance.whiten(residual - changes[a.tobytes()]), values]
 
     def slope(values: np.ndarray) -> np.ndarray:
         nonlocal J, at
@@ -88,21 +94,12 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
         elif step.any():
             J = secant(J, change - changes[at.tobytes()] - J @ step, step, prior_sd)
         at = a
-        return np.vstack([-covariance.whiten(J[:, free]), np.diag(1 / prior_sd[free])])
+        return np.vstack([-covariance.whiten(J[:, free]) * prior_sd[free], np.eye(len(values))])
 
     converged = True
     if free.any():
-        low, high = variables.bounds
-        found = least_squares(
-            misfit,
-            at[free],
-            slope,
-            (low[free], high[free]),
-            "dogbox",
-            ftol=ENOUGH,
-            x_scale=prior_sd[free],
-            max_nfev=MOST_STEPS,
-        )
+        limits = {"ftol": ENOUGH, "xtol": NO_STEP, "max_nfev": MOST_STEPS}
+        found = least_squares(misfit, first, slope, (low, high), "dogbox", **limits)
         converged, at = found.status > 0, with_free(found.x)
     left = residual - changes[at.tobytes()]
     factor, spread = _evidence(left, variables, J, at)
