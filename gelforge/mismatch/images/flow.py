@@ -151,6 +151,7 @@ def _observations(forces: Observations, seen: Sequence[FlowObservation], shown: 
     def joined(name: str, flow: np.ndarray) -> np.ndarray:
         return np.concatenate([getattr(forces, name), flow])
 
+    more: dict[str, np.ndarray]
     more = {name: np.zeros((len(table), 3)) for name in ("zero_N", "rounding_N", "drift_N", "trend_N")}
     more |= {name: getattr(forces, name)[numbers] for name in PRESS_FIELDS}
     more |= {"force": np.column_stack([flow, nothing]), "noise_N": np.column_stack([noise, nothing])}
