@@ -47,13 +47,14 @@ notebooks: $(READY)
 	$(BIN)/python -m pip install --quiet --constraint requirements.lock jupytext nbclient ipykernel
 	$(BIN)/python docs/notebooks/render.py
 
-# What is written from the code: the configuration's schema, and the pages of constitutive models and effects.
+# What is written from the code: the configuration's schema, and the pages of reference.
 generated: $(READY)
 	$(BIN)/python -c 'import json; from gelforge.config import schema; print(json.dumps(schema(), indent=2))' > config/schema.json
 	$(BIN)/python -m gelforge.mechanics.laws.table
 	$(BIN)/python -m gelforge.config.foreign.mapping_table
 	$(BIN)/python -m gelforge.mismatch.summary.effects_table
 	$(BIN)/python -m validation trust
+	$(BIN)/python docs/reference.py
 
 format: $(READY)
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix . && $(BIN)/snakefmt Snakefile workflow

@@ -77,7 +77,7 @@ def opened(
     except OSError as error:
         if not errno_of(error):
             raise kind(f"{path}: no HDF5 file; {remedy}") from None
-        raise kind(f"{path}: whole, but not opened, {why_not_read(error)}") from None
+        raise kind(f"{path}: complete, but cannot be opened: {why_not_read(error)}") from None
     found = file.attrs.get("format")
     if expected is not None and found != expected:
         file.close()

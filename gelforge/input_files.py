@@ -52,7 +52,7 @@ def read_bytes(path: str | Path) -> bytes:
     try:
         return regular_file(path).read_bytes()
     except OSError as error:
-        raise NotAFile(f"{path}: cannot be read ({error.strerror}); check its rights") from None
+        raise NotAFile(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
 
 
 def another_kind(path: str | Path, needed: str) -> str:

@@ -154,7 +154,7 @@ def test_a_lock_that_is_refused_is_not_the_file(tmp_path, monkeypatch):
         )
 
     monkeypatch.setattr(h5py, "File", fail)
-    with pytest.raises(FileError, match=r"whole, but not opened.*HDF5_USE_FILE_LOCKING=FALSE"):
+    with pytest.raises(FileError, match=r"cannot be opened.*HDF5_USE_FILE_LOCKING=FALSE"):
         opened(tmp_path / "values.h5", "numbers", REMEDY)
 
 

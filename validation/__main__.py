@@ -1,6 +1,6 @@
 """Concealed sets, step by step; every step goes on where it was left.
 
-usage: python -m validation pooled                                   every pooled number of docs/validation.md
+usage: python -m validation pooled                                   every pooled rate of sealed sets
        python -m validation solve                                    solutions by FElupe that solutions.jsonl lacks
        python -m validation generate SET [--seed 7 | --commit HASH]  recordings, and truths under seal
        python -m validation judge SET [--limit 10] [--command "..."] gelforge mismatch on each
@@ -11,7 +11,7 @@ usage: python -m validation pooled                                   every poole
        python -m validation unpack SET                               and from there into a set generated again
        python -m validation judge-again SET [SET ...] [--limit 10]   opened sets (SET_again), strong effects first
        python -m validation again SET [SET ...]                      today's judge beside the former one on those cases
-       python -m validation trust                                    today's judge in a table, into docs/mismatch.md
+       python -m validation trust                                    scores of the sealed sets, into docs/results/verdicts.md
        python -m validation truths SET                               what was hidden in a judged set, into truths.jsonl
 
 Run from the repository's root. SET is a name; sets lie in results/concealed/sets.
@@ -37,7 +37,7 @@ def parser() -> argparse.ArgumentParser:
     steps = whole.add_subparsers(dest="step", required=True)
     one = steps.add_parser("pooled", help="print every pooled number from the archived verdicts")
     one.add_argument("--archives", type=Path, help="folder of SET.tar.xz; default: validation/judged")
-    steps.add_parser("trust", help="write the table of today's judge into docs/mismatch.md")
+    steps.add_parser("trust", help="write the scores of the sealed sets into docs/results/verdicts.md")
     one = steps.add_parser("solve", help="solve what all cases share")
     one.add_argument("--workers", type=int, default=1, help="solutions side by side")
     steps.add_parser("check", help="print how far the base is from the fine mesh, and from solutions between")
@@ -179,11 +179,10 @@ def _claims(asked: argparse.Namespace) -> None:
 
 
 def _trust(asked: argparse.Namespace) -> None:
-    from .trust import PAGE, figures, with_figures
+    from .trust import PAGE, page
 
-    table = figures()
-    PAGE.write_text(with_figures(PAGE.read_text(encoding="utf-8"), table), encoding="utf-8")
-    print(table)
+    PAGE.write_text(page(), encoding="utf-8")
+    print(PAGE)
 
 
 def _pack(asked: argparse.Namespace) -> None:

@@ -23,6 +23,7 @@ from .recording import (
     signal_to_noise,
     with_circumstances,
 )
+from .separation import separation
 from .world import World, zeroed
 
 SNR = (2.0, 30.0)  # of what is concealed, drawn evenly in its logarithm
@@ -178,6 +179,10 @@ def make_case(
         one.kind.put(world, one.size, one.drawn)
     readings = recorded(world, rows, instrument, rng)
     truth = _truth(name, content, base, plain, library, world, hidden, rows, instrument)
+    if content == "single":
+        change = change_of(plain, _with(library, base, hidden), rows, instrument.tared)
+        known, doubts = known_on(libraries, base), _doubts(plain, library, base, rows, instrument)
+        truth["separation"] = separation(plain, known, hidden[0].kind, change, rows, instrument, doubts)
     return Case(name, content, base, rows, instrument, readings, truth | {"moduli": moduli})
 
 

@@ -1,4 +1,4 @@
-"""Every pooled number of docs/validation.md, from the archived verdicts (judged/SET.tar.xz) and the truths (truths.jsonl).
+"""Every pooled rate of verdicts on sealed sets, from the archived verdicts (judged/SET.tar.xz) and truths (truths.jsonl).
 
 Nothing is generated, solved or judged for it, and FElupe is not needed. Of every archive the verdicts' seals are checked,
 and that each truth is the one that was sealed. A set whose archive or truths are not there is left out and named. SYNTHETIC.
@@ -21,7 +21,7 @@ import pandas as pd
 
 from . import sealing
 from .archive import ARCHIVES
-from .score import CONFIDENT, LEVEL, NAMES, NO_NAME, SNR_BANDS, STRONG, Judged, Rate, judged_from
+from .score import CONFIDENT, LEVEL, NAMES, NO_NAME, SEPARABLE, SNR_BANDS, STRONG, Judged, Rate, judged_from
 from .sealing import JUDGED, REGISTER, SEALED
 from .truths import read_truths
 
@@ -162,6 +162,11 @@ def scores(cases: list[Scored]) -> dict[str, str]:
     if sizes:
         table["effects in the set that holds it: median, 90th percentile"] = "{:g}, {:g}".format(
             *np.quantile(sizes, (0.5, 0.9), method="inverted_cdf")
+        )
+    separable = [one for one in strong if one.judged.separation >= SEPARABLE]
+    if separable:
+        table[f"single, {SEPARABLE:g} and more from every other effect: identified"] = _rate(
+            separable, lambda j: all(j.found)
         )
     by_effect = [
         [all(one.judged.found) for one in strong if one.judged.true == true] for true in _effects(strong)

@@ -137,7 +137,19 @@ def signal_to_noise(
     floor: bool = True,
     doubts: Sequence[np.ndarray] = (),
 ) -> float:
-    """Return sqrt(d' C^-1 d) of a change (R, 3) of the zeroed forces of readings under load.
+    """Return sqrt(d' C^-1 d) of a change (R, 3) of the zeroed forces of readings under load; C as in `products`."""
+    return float(np.sqrt(max(products(world, rows, instrument, [change], floor, doubts)[0, 0], 0.0)))
+
+
+def products(
+    world: World,
+    rows: pd.DataFrame,
+    instrument: Instrument,
+    changes: Sequence[np.ndarray],
+    floor: bool = True,
+    doubts: Sequence[np.ndarray] = (),
+) -> np.ndarray:
+    """Return D' C^-1 D (K, K) of K changes (R, 3) of the zeroed forces of readings under load.
 
     C: noise and steps, the zero subtracted from each press, errors of the depth at the base's slope, and
     the floor of discretisation: FLOOR of Fz, half of its variance common to all places and half each place's own; and
@@ -158,9 +170,9 @@ def signal_to_noise(
         columns += [pattern.reshape(-1, 1), _per_group(part, ["x_mm", "y_mm"], pattern)]
     columns += [doubt[on].reshape(-1, 1) for doubt in doubts]
     L = np.hstack(columns) / sigma[:, None]
-    d = change[on].ravel() / sigma
+    D = np.stack([change[on].ravel() / sigma for change in changes], axis=1)
     inner = np.eye(L.shape[1]) + L.T @ L
-    return float(np.sqrt(max(d @ d - (L.T @ d) @ np.linalg.solve(inner, L.T @ d), 0.0)))
+    return D.T @ D - (L.T @ D).T @ np.linalg.solve(inner, L.T @ D)
 
 
 def _per_group(rows, keys, values) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 CONFIDENT, STRONG = 0.9, 8.0
+SEPARABLE = 6.0  # signal-to-noise ratio of the difference to the best other effect, from which one should be identified
 WIDTH_90 = 3.29  # standard deviations from end to end of a 90 % interval
 LEVEL = 0.01  # of each of the tests of the judge
 SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
@@ -78,6 +79,9 @@ class Judged:
     short: tuple[float, ...] = ()  # by which values are too small, in standard deviations, as `covered`
     # of each group those that are claimed; None: all of it
     lines: tuple[tuple[str, ...], ...] | None = None
+    separation: float = float(
+        "nan"
+    )  # what the best fit of any other effect leaves, as a signal-to-noise ratio
 
     @property
     def alarm(self) -> bool:
@@ -164,6 +168,7 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
     return Judged(
         truth["content"], truth["snr"], true, state_of(verdict), answer_of(verdict), covered, gain, ratio, left,
         _distance(truth, verdict), _p(verdict), each, short, lines_of(verdict),
+        truth.get("separation", {}).get("snr", np.nan),
     )  # fmt: skip
 
 

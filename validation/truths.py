@@ -50,4 +50,5 @@ def _line(folder: Path, case: dict, published: dict) -> dict:
         "content": truth["content"],
         "snr": truth["snr"],
         "effects": [{key: effect[key] for key in EFFECT if key in effect} for effect in truth["effects"]],
+        **{key: truth[key] for key in ("separation",) if key in truth},
     }

@@ -239,8 +239,8 @@ def _check(study: Study, amounts: Mapping[str, float], wanted: Sequence[str]) ->
         or k.base_bending_mm_per_N
     ):
         raise ConfigError(
-            "mechanics.effects: no derivatives along an indentation of a gel with a memory or a residual stretch, or with a"
-            " machine that yields; leave these out, or subtract two answers of gelforge.press"
+            "mechanics.effects: history, prestretch and compliance of the machine have no derivatives along an indentation;"
+            " leave them out, or subtract two results of gelforge.press"
         )
     block = study.sensor.shape.kind == "block" and study.mechanics.mesh.elements != "tetrahedra"
     if not block and {"x_mm", "y_mm"} & set(wanted):

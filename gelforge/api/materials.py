@@ -127,7 +127,7 @@ def fit(
     sources = read_sources([folder], declared)
     if len(sources) != 1:
         names = ", ".join(source.name for source in sources) or "none"
-        raise ConfigError(f"{tests}: tests of one material are needed, found {names}; name the folder of one")
+        raise ConfigError(f"{tests}: found tests of {names}, one material is needed; name its folder")
     source = sources[0]
     found = fits_of(source, fitting)
     comparison = found.comparison

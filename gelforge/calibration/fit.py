@@ -242,7 +242,9 @@ def _about(
     parts = []
     for effect in effects:
         if effect.name in base.failed:
-            raise SolverFailed(f"{effect.name} has no derivative: {base.failed[effect.name]}")
+            raise SolverFailed(
+                f"{effect.name} has no derivative ({base.failed[effect.name]}); leave it out of --free"
+            )
         parts.append(
             Candidate(
                 effect.name,

@@ -88,8 +88,8 @@ def coarse_match(
             for k in (chosen, rival)
         )
         raise ImportingError(
-            f"{what}: its clock may be {one:.3f} or {other:.3f} s later than the stage's"
-            f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}): the indentations repeat; set"
+            f"{what}: two lags behind the stage's clock fit, {one:.3f} and {other:.3f} s"
+            f" (correlation {correlation[chosen]:.3f} and {correlation[rival]:.3f}), as the indentations repeat; set"
             f" {key}.lag_s, or record a rest before the first and after the last indentation in both logs"
         )
     next_best = None if rival is None else (float(lags[rival]), float(correlation[rival]))

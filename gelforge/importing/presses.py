@@ -117,7 +117,7 @@ def find_presses(
         raise ImportingError(f"skip names {unknown}, there are indentations 1 to {number}; correct skip")
     if not kept:
         raise ImportingError(
-            f"no indentation is left of {number}; correct skip, or check force.columns and stage.z"
+            f"none of {number} indentations is left; correct skip, or check force.columns and stage.z"
         )
     return Presses(tuple(kept), tuple(left_out), tuple(untouched), smooth, threshold)
 
@@ -265,7 +265,7 @@ def depth_zero_mm(presses: tuple[Press, ...], rule, pressing: str) -> np.ndarray
     declared = sign * rule.at_mm
     if abs(declared - middle) > WIDEST_MM:
         raise ImportingError(
-            f"depth_zero.at_mm {rule.at_mm:g}, the force begins at {sign * middle:.3f} mm (median),"
-            f" the limit is {WIDEST_MM} mm between them; correct at_mm, or set depth_zero: session"
+            f"depth_zero.at_mm is {rule.at_mm:g} mm, but the force begins at {sign * middle:.3f} mm (median), more than"
+            f" {WIDEST_MM} mm away; correct at_mm, or set depth_zero: session"
         )
     return np.full(len(presses), declared)

@@ -175,7 +175,7 @@ def _curved(X, elements, skins, solids: Solids) -> np.ndarray:
         spoiling = np.unique(elements[bad, 4:])
         if (curved[spoiling] == straight[spoiling]).all():  # straight elements have the ratio 1: cannot be
             raise MeshingError(
-                f"{bad.sum()} of {len(elements)} straight tetrahedra have no volume; ask for other sizes"
+                f"{bad.sum()} of {len(elements)} straight tetrahedra have no volume; change mechanics.mesh.near_mm or far_mm"
             )
         curved[spoiling] = straight[spoiling]
     return curved

@@ -134,8 +134,8 @@ def _check_places(places: np.ndarray) -> None:
     distinct = np.unique(np.round(places, 2), axis=0)
     if len(distinct) < LEAST_POSITIONS:
         raise CameraError(
-            f"{len(distinct)} position(s) with an image that moves, limit {LEAST_POSITIONS}; press at four or more, at the "
-            "corners of what the camera sees"
+            f"images move at {len(distinct)} position(s), {LEAST_POSITIONS} are needed; press near the corners of what the "
+            "camera sees too"
         )
     along, across = np.linalg.svd(distinct - distinct.mean(axis=0), compute_uv=False)
     if across < LEAST_WIDTH * along:

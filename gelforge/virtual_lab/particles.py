@@ -136,7 +136,7 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
     boxed = np.minimum(np.abs(corners - low[:, None]), np.abs(corners - high[:, None])).max() <= SAME_MM
     if not boxed:
         raise VirtualLabError(
-            "gel_hex: elements are not boxes along the axes; particles cannot be located in this mesh"
+            "particles need elements that are boxes along the axes; leave out effects that change the virtual mesh"
         )
     element = np.full([len(a) - 1 for a in axes], -1)  # of each interval of the grid of all node coordinates
     for span in np.unique(last - first, axis=0):

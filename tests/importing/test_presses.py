@@ -121,7 +121,7 @@ def test_a_tilted_surface_needs_its_own_zero(tmp_path):
 
 
 def test_a_declared_zero_that_the_force_denies(tmp_path):
-    with pytest.raises(ImportingError, match=r"depth_zero\.at_mm 31\.8, the force begins at 31\.3"):
+    with pytest.raises(ImportingError, match=r"depth_zero\.at_mm is 31\.8 mm, .* 31\.3"):
         imported(tmp_path, LAB, MAPPING.replace("depth_zero: session", "depth_zero: {at_mm: 31.8}"))
     _, found = imported(tmp_path, LAB, MAPPING.replace("depth_zero: session", "depth_zero: {at_mm: 31.37}"))
     assert np.allclose(found.zero_mm, -31.37)

@@ -202,7 +202,7 @@ BAD = {
     "unknown correction": (
         f"{HEADER},corrections\nua.csv,uniaxial,s1,10,0.5,zero_force tow\n",
         {},
-        r"corrections are 'zero_force tow'; \['tow'\] is not among",
+        r"corrections has \['tow'\]",
     ),
     "another load case": (
         f"{HEADER}\neb.csv,equibiaxial,s1,,0.5\n",

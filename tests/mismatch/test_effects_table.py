@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose
 import gelforge.mismatch.effects as effects
 from gelforge.mismatch.summary.effects_table import PAGE, page, parameters
 
-GUIDE = Path("docs/mismatch.md")
 ADDING = Path("docs/adding/effect.md")
 CATALOGUE = effects.CATALOGUE
 
@@ -53,12 +52,3 @@ def test_the_guides_example_is_an_effect(tmp_path, monkeypatch):
     assert_allclose(found, 0.01 * depth[:, None] * context.derivative("contact_zero"), atol=1e-14)
     assert np.abs(found).max() > 1e-3
     assert "| depth_scale | kinematics | growth [-] 0.01, -0.1 .. 0.1 |" in page({"depth_scale": effect})
-
-
-def test_the_guide_names_every_key_of_the_study():
-    from gelforge.config.parts.mismatch import Mismatch
-
-    rows = re.findall(r"^\| `(\w+)` \| (\S.*?) \|", GUIDE.read_text(encoding="utf-8"), re.MULTILINE)
-    told = {name: default for name, default in rows if name in Mismatch.model_fields}
-    assert list(told) == list(Mismatch.model_fields)
-    assert told["sites"] == str(Mismatch().sites) and told["draws"] == str(Mismatch().draws)

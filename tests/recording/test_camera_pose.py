@@ -72,7 +72,7 @@ def test_the_centre_is_that_of_the_press_and_not_of_all_that_moves():
 @pytest.mark.parametrize(
     ("places", "more", "words"),
     [
-        (PLACES[[0, 1, 2, 2, 1]], {}, r"3 position\(s\) with an image that moves, limit 4"),
+        (PLACES[[0, 1, 2, 2, 1]], {}, r"3 position\(s\), 4 are needed"),
         (np.column_stack([np.arange(5.0), 2 * np.arange(5.0)]) + 10, {}, r"nearly on a line \(0.000 as wide"),
         (PLACES, {"mirrored": False}, "move as mirrored ones do, but the camera has mirrored: false"),
     ],

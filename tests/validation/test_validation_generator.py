@@ -16,7 +16,7 @@ from gelforge.config import load_session, load_study
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.materials.fitting.law_file import moved_laws, read_law
 from gelforge.recording.readings import read_recording
-from validation import baselines, body_forms, draw, kinds, presses, recording, sets
+from validation import baselines, body_forms, draw, kinds, presses, recording, separation, sets
 from validation.ogden import Ogden
 from validation.pressed import GEL, SKIN
 from validation.sensors import FRICTION, SENSORS, SMALL, THIN
@@ -338,3 +338,28 @@ def test_a_slope_under_a_ball_that_sticks_is_not_made_as_without_friction(librar
     libraries = {"small": library}
     assert {"wedge", "turned body"} <= set(draw.known_on(libraries, "concealed"))
     assert not {"wedge", "turned body"} & set(draw.known_on(libraries, "rough"))
+
+
+def test_separation_is_what_the_best_other_effect_leaves(library):
+    """A change that another effect makes too is not separate from it, one at a right angle is as separate as it is large."""
+    rows, instrument = plain()
+    base = World(library)
+    gel = change(base, "gel moduli", rows, instrument)
+    alone = separation.separation(
+        base, ["gel moduli"], kinds.KINDS["amplifier gains"], gel, rows, instrument, ()
+    )
+    assert alone["nearest"] == "gel_stiffness" and alone["snr"] < 1e-3 * size(base, gel, rows, instrument)
+    other = separation.separation(base, ["turned grid"], kinds.KINDS["gel moduli"], gel, rows, instrument, ())
+    assert other["nearest"] == "yaw"
+    assert 0.9 * size(base, gel, rows, instrument) < other["snr"] <= size(base, gel, rows, instrument)
+
+
+def change(base, form, rows, instrument):
+    world = World(base.library)
+    kind = kinds.KINDS[form]
+    kind.put(world, 0.5, kind.draw(np.random.default_rng(3)))
+    return recording.change_of(base, world, rows, instrument.tared)
+
+
+def size(base, of, rows, instrument):
+    return recording.signal_to_noise(base, rows, instrument, of)

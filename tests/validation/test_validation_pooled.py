@@ -2,7 +2,6 @@
 
 import io
 import json
-import re
 import tarfile
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from validation.archive import ARCHIVES
 from validation.claims import by_exponent
 from validation.pooled import archived, clustered, report, scores, table
 from validation.score import Rate
-from validation.trust import PAGE, figures, with_figures
+from validation.trust import PAGE, page
 from validation.truths import read_truths
 
 SAID = {  # state, groups; what is hidden
@@ -118,24 +117,10 @@ def test_the_seventeenth_set_scores_as_when_it_was_opened():
 KEPT = ARCHIVES.parent / "pooled.md"
 
 
-def test_the_rates_of_the_page_are_those_that_the_command_prints():
-    """docs/validation.md: each rate with an interval stands in validation/pooled.md, what the command printed."""
-    rates = re.findall(
-        r"(\d+)/(\d+) = ([\d.]+ %) \(([\d.]+ to [\d.]+)\)", Path("docs/validation.md").read_text("utf-8")
+def test_the_page_of_results_is_what_the_command_prints():
+    assert PAGE.read_text(encoding="utf-8") == page(), (
+        "docs/results/verdicts.md is old: python -m validation trust"
     )
-    printed = KEPT.read_text(encoding="utf-8")
-    assert len(rates) > 10
-    assert [rate for rate in rates if "{}/{} = {} ({})".format(*rate) not in printed] == []
-
-
-def test_the_page_on_verdicts_has_the_rates_of_todays_judge():
-    page = PAGE.read_text(encoding="utf-8")
-    assert page == with_figures(page, figures()), "docs/mismatch.md is old: python -m validation trust"
-
-
-def test_a_page_without_the_lines_of_the_table_is_refused():
-    with pytest.raises(ValueError, match="until here"):
-        with_figures("no table", "")
 
 
 @pytest.mark.thorough

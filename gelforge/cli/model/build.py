@@ -41,7 +41,7 @@ def model_study(sensor: str) -> Path:
     if sensor not in names:
         raise ConfigError(
             f"no study is shipped that builds a model for {sensor!r}; there is one for {', '.join(names)}. For another "
-            "sensor write a study with `synthesis` (docs/user-guide.md, Training in simulation)"
+            "sensor write a study with `synthesis` (docs/how-to/synthesis.md)"
         )
     return MODELS / f"{sensor}.yaml"
 

@@ -32,7 +32,7 @@ Part = TypeVar("Part")
 def given(part: Part | None, key: str) -> Part:
     """Return an optional part of a configuration that the caller needs. Raises ConfigError where it is not given."""
     if part is None:
-        raise ConfigError(f"{key} is not given, and what was asked for needs it; give it")
+        raise ConfigError(f"{key} is required here and not given; add it")
     return part
 
 

@@ -96,7 +96,7 @@ def _parsed(text: str) -> Any:
         node = loader.get_single_node()
         if node is not None and _expanded(node, {}) > MOST_NODES:
             raise yaml.YAMLError(
-                f"its aliases stand for more than {MOST_NODES} values, or for themselves; write them out"
+                f"its aliases expand to more than {MOST_NODES} values or refer to themselves; write the values out"
             )
         return None if node is None else loader.construct_document(node)
     finally:

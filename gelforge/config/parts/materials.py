@@ -94,8 +94,7 @@ class Material(Fitting):
     def _one_source(self):
         if [self.tests, self.parameters, self.file].count(None) != 2:
             raise ValueError(
-                "give either `tests` (a folder to fit), `parameters` (a constitutive model) or `file` (of a constitutive"
-                " model), one of them and no more"
+                "give exactly one of `tests` (a folder to fit), `parameters` and `file` (of a constitutive model)"
             )
         if self.mapping and not self.tests:
             raise ValueError("`mapping` describes the files of `tests`; without `tests` nothing is read")

@@ -22,7 +22,7 @@ class Quality:
     step: float  # solver.longest_step, so that the indenter's steps [mm] stay about the same
 
 
-# docs/user-guide.md has what each costs and how accurate it is.
+# docs/how-to/mesh.md has what each costs and how accurate it is.
 QUALITIES = {
     "fast": Quality(sizes=4 / 3, growth=1.4, step=1.35),
     "standard": Quality(sizes=1.0, growth=1.0, step=1.0),

@@ -119,7 +119,7 @@ class Sensor(Section):
             )
         if self.bins.over == "surface" and self.shape.kind == "surfaces":
             raise ValueError(
-                "bins.over: surface unrolls a dome; surfaces from files have no unrolling that is known: use plan"
+                "bins.over: surface unrolls a dome; surfaces from files cannot be unrolled, use plan"
             )
         names = [layer.name for layer in self.layers]
         if self.shape.kind == "surfaces" and list(self.shape.files) != names:

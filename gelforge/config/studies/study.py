@@ -146,7 +146,9 @@ class Study(Section):
         if self.synthesis and (kind != "block" or elements == "tetrahedra"):
             raise ValueError("synthesis draws particles in hexahedra of a block; leave synthesis out")
         if self.synthesis and self.synthesis.train_on == "both" and not self.sessions:
-            raise ValueError("synthesis.train_on: both, but there is no session; use simulated")
+            raise ValueError(
+                "synthesis.train_on: both needs a session; add one to sessions, or set simulated"
+            )
         if self.plan.approach == "normal" and self.mechanics.contact_normals == "initial":
             raise ValueError("contact_normals: initial is for a vertical approach; use current")
 

@@ -105,5 +105,5 @@ def _advanced(indenter: Indenter, points: np.ndarray, centre: np.ndarray, along:
             return centre
         centre = centre + gap * along
     raise ConfigError(
-        f"the indenter, coming along {np.round(along, 3)}, stays {gap:.2g} mm from the surface; press elsewhere"
+        f"the indenter, moving along {np.round(along, 3)}, passes the surface at {gap:.2g} mm; press at another position"
     )

@@ -110,7 +110,7 @@ def variations_of(study: Study, laws: dict[str, PrincipalLaw], names: Sequence[s
             variations[name] = Variation(effect(study, amount), laws, amount, alone, without)
         except ConfigError as error:
             raise ConfigError(
-                f"mechanics.sensitivities: {name} is not for this study; leave it out ({error})"
+                f"mechanics.sensitivities: {name} does not apply to this study ({error}); leave it out"
             ) from None
     return variations
 

@@ -59,8 +59,8 @@ def held_out(predictions: Predictions, session: str, feature_file: str | Path) -
         images = tuple(named[press.decode(), int(index)] for press, index in zip(presses, indices))
     except KeyError as error:
         raise ModelError(
-            f"{feature_file}: lacks an image of indentation and number {error}, of which {predictions.path} holds a "
-            f"prediction; evaluate the model again (snakemake -R {predictions.path})"
+            f"{feature_file}: image {error} (indentation, number) of {predictions.path} is missing; "
+            f"evaluate the model again (snakemake -R {predictions.path})"
         ) from None
     return HeldOut(
         session, images, len(set(cells)), np.array(force), np.array(label), predictions.disagreement[rows]

@@ -143,10 +143,12 @@ def _from_metadata(session, metadata: dict, where: str) -> OnnxModel:
     shape = [bins["nx"] * bins["ny"], 3]
     if [i.name for i in taken] != [INPUT] or taken[0].shape[1:] != [count]:
         raise ModelError(
-            f"{where}: takes {[(i.name, i.shape) for i in taken]}, not {count} features; {REMEDY}"
+            f"{where}: its input is {[(i.name, i.shape) for i in taken]}, {count} features are expected; {REMEDY}"
         )
     if [o.name for o in given] != [OUTPUT] or given[0].shape[1:] != shape:
-        raise ModelError(f"{where}: gives {[(o.name, o.shape) for o in given]}, not forces {shape}; {REMEDY}")
+        raise ModelError(
+            f"{where}: its output is {[(o.name, o.shape) for o in given]}, forces {shape} are expected; {REMEDY}"
+        )
     intervals = metadata["intervals"]
     return OnnxModel(
         session,

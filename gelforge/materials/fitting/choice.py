@@ -237,7 +237,8 @@ def _chosen(candidates: list[Candidate], choose: str, fallback: dict[str, str]) 
         if not chosen.usable:
             reason = chosen.refused or ", ".join(chosen.fitted.notes)
             raise FitError(
-                f"{chosen.name} is the first constitutive model named, but it is not determined and stable: {reason}"
+                f"choose: first takes {chosen.name}, which is not determined and stable ({reason});"
+                " name another model first, or set choose: aicc"
             )
         return chosen
     predicted = [c for c in usable if np.isfinite(c.held_out_error)]

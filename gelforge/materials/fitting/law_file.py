@@ -185,7 +185,7 @@ def read_law(path: str | Path) -> MaterialLaw:
         raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; {remedy}")
     kind = content.get("law")
     if kind not in MODELS:
-        raise LawFileError(f"{path}: constitutive model {kind!r}; one of {list(MODELS)} can be read")
+        raise LawFileError(f"{path}: unknown constitutive model {kind!r}; known are {list(MODELS)}")
     try:
         covariance, valid = content["covariance"], content["valid_stretch"]
         states = content.get("valid_states")

@@ -144,8 +144,7 @@ def _read_samples(folder: Path) -> pd.DataFrame:
             )
         if unknown := set(row.corrections.split()) - set(CORRECTIONS):
             raise TableError(
-                f"{path}, row {line}: corrections are {row.corrections!r}; {sorted(unknown)} is not among"
-                f" {list(CORRECTIONS)}"
+                f"{path}, row {line}: corrections has {sorted(unknown)}; known are {list(CORRECTIONS)}"
             )
         cycle = 1 if np.isnan(row["cycle"]) else int(row["cycle"])
         if (row.test, row["sample"], cycle) in seen:

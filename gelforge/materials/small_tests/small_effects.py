@@ -210,7 +210,9 @@ def _adhesion(test: IndentationTest) -> MeasuredEffect:
     into = next((name for name, way in zip(names, ways) if way > 0), None)
     out = next((name for name, way in zip(names[::-1], ways[::-1]) if way < 0), None)
     if into is None or out is None:
-        raise ValueError(f"{test.source}: no approach or no withdrawal among its segments {names}")
+        raise ValueError(
+            f"{test.source}: its segments {names} have no approach or no withdrawal; both are needed"
+        )
     found = adhesion(test.in_segment(into), test.in_segment(out))
     verdict = "cannot be judged"
     if found.detached:

@@ -282,8 +282,7 @@ class Press:
             self.corrections.factor(forces)
         except NotPositiveDefinite as error:
             raise NotConverged(
-                f"the tangent lost its positive definiteness ({error}); smaller steps of depth or a smaller bulk_to_shear "
-                "may keep it"
+                f"the tangent is no longer positive definite ({error}); use smaller depth steps or a smaller bulk_to_shear"
             ) from None
 
     def _converged(

@@ -77,7 +77,7 @@ def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:
             chapter.say(
                 f"Session {name}: images before contact move by {false:.2g} px (median of the root mean square over"
                 " the image;"
-                f" scatter {spread:.1g} px). That motion is false; smaller ones mean nothing."
+                f" scatter {spread:.1g} px). This is noise; a smaller motion under load means nothing."
             )
         else:
             chapter.say(f"Session {name} has no image before contact, so that its false flow is not known.")

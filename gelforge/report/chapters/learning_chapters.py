@@ -167,9 +167,9 @@ TABLES = {
     "error_budget": "Parts of the network's error on held-out sites of the virtual sensor (SYNTHETIC), rms: optics and"
     " learning make the error against the label, mechanics is that of the label. The contact point's scatter is in learning"
     " and in mechanics.",
-    "reliability": "How far to trust the network on held-out sites. A share far from 0.9 in the 90 % intervals says that the"
-    " validation sites are unlike these. Measured totals are readings, whose own noise and what the labels lack of the real"
-    " gel are not in the interval.",
+    "reliability": "How far to trust the network on held-out sites. A share far from 0.9 in the 90 % intervals means that"
+    " the validation sites differ from these. Measured totals are readings. Their noise and what the labels lack of the"
+    " real gel are not in the interval.",
     "rmse_gt": "Total force, force/torque sensor (F/T) minus simulation (FEM). RMSE_GT: rms of the difference over all"
     " indentations{with the paper's}.",
     "force_ranges": "Range of the labels{with the paper's}.",
@@ -192,5 +192,5 @@ def error_tables(results: StudyResults) -> Chapter:
         elif name not in WITH_TRUTH and (results.study.sessions or name == "force_ranges"):
             chapter.miss(f"No table {name}: {results.folder / 'tables' / name}.csv is not there.")
     if not results.study.sessions:
-        chapter.miss(f"No errors of a network and none against readings: {LABELS_ONLY}")
+        chapter.miss(f"No network and no readings to compare with: {LABELS_ONLY}")
     return chapter

@@ -78,7 +78,7 @@ def _material(chapter: Chapter, name: str, law: MaterialLaw, folder: Path) -> No
         )
     if len(rest):
         reasons = "; ".join(f"{row.effect.replace('_', ' ')}: {row.sentence}" for row in rest.itertuples())
-        fold.say(f"{name}: not judged by these tests, which is no proof of absence. {reasons}.")
+        fold.say(f"{name}: effects that these tests cannot show, and that may be there. {reasons}.")
 
 
 def _range_words(name: str, law: MaterialLaw) -> str:
@@ -89,10 +89,7 @@ def _range_words(name: str, law: MaterialLaw) -> str:
     valid = law.valid_range
     if valid is not None:
         largest = ", ".join(f"{valid.largest(case):.4g} ({case.replace('_', ' ')})" for case in LOAD_CASES)
-        text += (
-            "; any deformation between tested ones is within the constitutive model's range, which ends at"
-            f" stretch {largest}"
-        )
+        text += f"; the constitutive model's range ends at stretch {largest}"
     return f"{text}."
 
 

@@ -40,7 +40,7 @@ def answer(results: MismatchResults) -> Chapter:
         chance = chance_text(verdict.unknown.probability)
         chapter.say(f"An unknown cause has probability {chance}. It changes {verdict.unknown.words}.")
     show_before_after(chapter, results)
-    _tell_tests(chapter.fold("Tests of the readings, and of what the answer leaves"), verdict)
+    _tell_tests(chapter.fold("Tests of the readings and of the residual"), verdict)
     _tell_tried(chapter.fold(f"All {len(verdict.effects)} effects that were tried"), verdict)
     _tell_experiments(chapter.fold("Experiments that would distinguish the causes"), verdict)
     return chapter
@@ -94,7 +94,7 @@ def show_before_after(chapter: Chapter, results: MismatchResults) -> None:
         chapter.miss("No maps: these readings are not of a sensor's surface.")
         return
     seen = (
-        "Where maps after are white, the answer explains the readings."
+        "Where the maps after are white, the answer explains the readings."
         if results.has_after
         else "Nothing was put into the simulation."
     )
@@ -109,10 +109,10 @@ def show_before_after(chapter: Chapter, results: MismatchResults) -> None:
 def _tell_tests(chapter: Chapter, verdict: Verdict) -> None:
     test, left = verdict.mismatch, verdict.adequacy
     chances = {
-        "As much mismatch by chance": test.p,
-        "As strong a pattern by chance": test.scan_p,
-        "As much evidence for a discrepancy by chance, at most": test.unknown_p,
-        "As much evidence for known effects by chance, at most": test.known_p,
+        "Mismatch (chi-square)": test.p,
+        "Strongest pattern, corrected for the search": test.scan_p,
+        "Evidence for a discrepancy (at most)": test.unknown_p,
+        "Evidence for known effects (at most)": test.known_p,
     }
     facts = [(name, p_text(p)) for name, p in chances.items() if p is not None]
     if left:

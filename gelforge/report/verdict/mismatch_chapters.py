@@ -156,7 +156,7 @@ def _tabulate_noise(chapter: Chapter, stated: Noise) -> None:
         (stated.session_depth_mm, "of a session's contact point"),
     )
     depth = ", ".join(f"{size:.3g} mm {words}" for size, words in parts if size is not None)
-    chapter.tabulate(f"Standard deviations that were allowed for; of the depth {depth}.", pd.DataFrame(rows))
+    chapter.tabulate(f"Standard deviations that were assumed; of the depth {depth}.", pd.DataFrame(rows))
     rows = [
         {
             "reading of Fz_N": case.sigma_z_N,
@@ -167,7 +167,7 @@ def _tabulate_noise(chapter: Chapter, stated: Noise) -> None:
         for case in sorted(stated.sensitivity, key=lambda case: case.sigma_z_N)
     ]
     if rows:
-        chapter.tabulate("The verdict as the force sensor is believed to be worse.", filled(rows))
+        chapter.tabulate("The verdict for larger assumed noise of the force sensor.", filled(rows))
 
 
 CHAPTERS = (answer, where, held_out, limits, origin)

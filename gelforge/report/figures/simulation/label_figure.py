@@ -67,7 +67,7 @@ def _cell_label(file: h5py.File, path: Path, row: int | None) -> Label:
     force = file["bin_force_N"]
     row = _checked_row(path, row, force.shape[0], force.shape[0] - 1)
     if "settings" not in file.attrs:  # interpolated by a version that did not write them
-        raise LabelError(f"{path}: says nothing of its sensor; make it again (snakemake -R {path})")
+        raise LabelError(f"{path}: the sensor's settings are missing; make it again (snakemake -R {path})")
     sensor = json.loads(file.attrs["settings"])["sensor"]
     return Label(
         force[row],

@@ -1,0 +1,21 @@
+"""The pages of reference are what docs/reference.py writes from the configuration and the commands."""
+
+from pathlib import Path
+
+import pytest
+
+from docs.reference import PAGES, configuration
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_page_is_up_to_date(name):
+    assert (ROOT / "docs" / name).read_text("utf-8") == PAGES[name](), f"docs/{name} is old: make generated"
+
+
+def test_every_section_that_a_key_names_has_a_table():
+    page = configuration()
+    named = {word.partition(")")[0] for word in page.split("](#")[1:]}
+    headings = {line.removeprefix("### ").lower() for line in page.splitlines() if line.startswith("### ")}
+    assert named and named <= headings
