@@ -116,7 +116,7 @@ def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probabil
         columns=np.column_stack([fit.columns, single.parts[0].columns]),
     )  # fmt: skip
     winner = replace(found.answer.winner, parts=fit.parts)
-    posterior = found.posterior.with_evidence({effects_of(winner): 1.0})
+    posterior = replace(found.posterior, evidence={**found.posterior.evidence, effects_of(winner): 1.0})
     answer = replace(found.answer, groups=(beside, group), fit=fit, winner=winner, posterior=posterior)
     said = verdict(problem, replace(found, answer=answer, posterior=posterior))
     assert [one.members for one in said.answer] == [[*group.members], [rest]]

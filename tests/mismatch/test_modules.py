@@ -131,6 +131,11 @@ def test_a_map_of_one_number_is_the_effect_of_one_amount():
     for name, change in even.items():
         own = module(context, name)
         assert_allclose(own.directions[:, 0], own.basis[0, 0] * change, rtol=1e-9, atol=1e-12)
+    gain = module(context, "force_map")
+    of_x = (gain.map["quantity"] == "gain x").to_numpy() & (gain.basis[:, 0] != 0)
+    assert_allclose(
+        gain.directions[:, 0], gain.basis[of_x][0, 0] * flat(context.force * [1, 0, 0]), rtol=1e-9
+    )
 
 
 def test_a_map_is_as_wide_as_is_plausible():
@@ -242,7 +247,7 @@ def test_a_form_counts_for_the_effect_that_it_generalises():
 
 def test_each_cause_is_as_likely_as_all_manners_without_one(modulus):
     one = modulus[1].posterior.unknown[frozenset()]
-    causes = {own.words for own in modulus[0].modules}
+    causes = {own.words for own in modulus[0].modules if own.named}
     share = 1 / (len(causes) + 1)
     assert [one.priors[words] for words in causes] == pytest.approx([np.log(share)] * len(causes))
     assert sum(np.exp(p) for words, p in one.priors.items() if words not in causes) == pytest.approx(share)

@@ -50,7 +50,7 @@ class Modelled:
     @property
     def sure(self) -> bool:
         """Return whether it is a cause, as probable as a claim has to be."""
-        return self.module is not None and self.probability >= SURE
+        return self.module is not None and self.module.named and self.probability >= SURE
 
     @property
     def form_of(self) -> tuple[str, ...]:

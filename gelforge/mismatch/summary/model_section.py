@@ -23,8 +23,8 @@ def model_section(problem: Problem, judgement: Judgement) -> form.Model | None:
     axis = problem.labels["axis"].to_numpy()
     largest = [float(np.abs(model.change[axis == k]).max()) if (axis == k).any() else None for k in range(3)]
     return form.Model(
-        cause=None if model.module is None else model.module.name,
-        probability=None if model.module is None else model.probability,
+        cause=None if model.module is None or not model.module.named else model.module.name,
+        probability=None if model.module is None or not model.module.named else model.probability,
         words=f"a change of {model.kernel}" if model.module is None else in_words(model),
         beside=[part.name for part in judgement.answered.fit.parts] if model.beside else [],
         largest_N=largest,

@@ -34,6 +34,9 @@ class Module(Kernel):
     of_labels: bool  # simulated forces change by it, as a function of place and depth
     where: Callable[[Mapping[str, Any]], str]  # a row of the map, in words
     to_study: Callable[[Study, np.ndarray], Study] | None = None  # with a map (G,) of it
+    named: bool = (
+        True  # False: another known cause changes the readings in such a way; it is modelled and never named
+    )
     replaces: str = ""  # words of the kernel of unknown.py that is this cause without its name
 
     is_cause = True
