@@ -39,7 +39,9 @@ class Module(Kernel):
     )
     replaces: str = ""  # words of the kernel of unknown.py that is this cause without its name
 
-    is_cause = True
+    @property
+    def is_cause(self) -> bool:
+        return self.named
 
     def values(self, mean: np.ndarray, covariance: np.ndarray) -> pd.DataFrame:
         """Return the rows of module.csv: the map with columns mean and sigma, of coefficients (q,) and (q, q)."""

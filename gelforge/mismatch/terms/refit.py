@@ -15,9 +15,10 @@ from gelforge.mismatch.evidence.places import displaced
 from gelforge.mismatch.evidence.screen import Candidate, Screened, split
 from gelforge.mismatch.terms.problem import Problem, secant
 
-MOST_STEPS = 16  # of a fit, each one solution where something is solved
-ENOUGH = 1e-5  # of the cost, some 1,000: a smaller gain is a step of a seventh of a standard deviation
-NO_STEP = 1e-2  # of values in plausible ones: where columns are secants shorter steps gain nothing
+MOST_STEPS = 16  # of a fit; where a place is fitted each costs a solution
+# Of a place, whose columns are secants: gains of the cost (some 1,000) below a seventh of a standard deviation, and steps
+# below a hundredth of where it is from the start, are not waited for.
+OF_PLACE = {"ftol": 1e-5, "xtol": 1e-2}
 DIFFERENCE = 1e-3  # of a plausible value: for columns taken anew where nothing is solved
 PART_OF_A_WAY = 0.25  # half-way to the next place: across it the columns of ways are differences
 SEEN_SNR = 0.5  # of a way half to the next place: what the readings see less of is not fitted
@@ -98,9 +99,9 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
 
     converged = True
     if free.any():
-        limits = {"ftol": ENOUGH, "xtol": NO_STEP, "max_nfev": MOST_STEPS}
-        found = least_squares(misfit, first, slope, (low, high), "dogbox", **limits)
-        converged, at = found.status > 0, with_free(found.x)
+        limits = OF_PLACE if variables.moves and solved else {}
+        fit = least_squares(misfit, first, slope, (low, high), "dogbox", max_nfev=MOST_STEPS, **limits)
+        converged, at = fit.status > 0, with_free(fit.x)
     left = residual - changes[at.tobytes()]
     factor, spread = _evidence(left, variables, J, at)
     against = -problem.covariance.restricted(mask).log_density(residual)

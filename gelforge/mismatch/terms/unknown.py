@@ -41,7 +41,11 @@ class Kernel:
     # (n,) int, groups of entries that differ each by itself; None: all together
     groups: np.ndarray | None = None
     form_of: tuple[str, ...] = ()  # effects of the catalogue that are the same cause in another form
-    is_cause = False  # physics that can be claimed, with a form of its own
+
+    @property
+    def is_cause(self) -> bool:
+        """Return whether it is physics that can be claimed, with a form of its own."""
+        return False
 
     def beside(self, covariance: Covariance, scale: float) -> Covariance:
         """Return the covariance of n entries with this kernel at a scale of its plausible size."""
