@@ -36,7 +36,7 @@ LAYERS = [
 ROOMS = {
     "mechanics": ("laws", "meshes", "linear", "bodies", "indenters", "contact", "solving", "sensitivities"),
     "mismatch": (
-        *("readings", "model", "result", "evidence", "effects", "terms", "free_forms"),
+        *("thresholds", "readings", "model", "result", "evidence", "effects", "terms", "free_forms"),
         *("goodness", "inference"),
         *("fem", "images", "summary", "material", "pipeline"),
     ),

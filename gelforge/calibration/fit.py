@@ -11,7 +11,7 @@ from gelforge.calibration.parameters import Free
 from gelforge.config import Study
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.covariance import readings_covariance
-from gelforge.mismatch.evidence.screen import FORM_ERRORS, Candidate, Screened, judged_by
+from gelforge.mismatch.evidence.screen import Candidate, Screened, judged_by
 from gelforge.mismatch.fem.known import with_known
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import base_of
@@ -22,6 +22,7 @@ from gelforge.mismatch.terms.candidates import columns_of
 from gelforge.mismatch.terms.holdout import split
 from gelforge.mismatch.terms.problem import Problem, secant
 from gelforge.mismatch.terms.refit import Refitted, refitted
+from gelforge.mismatch.thresholds import FORM_ERRORS
 from gelforge.progress import stage
 
 ENOUGH = 0.1  # of a posterior standard deviation: a step that no interval would show
@@ -69,7 +70,7 @@ class Linear:
         """
         far = self._screened(self.problem, mask)
         errors = replace(self.problem, change_error=FORM_ERROR)
-        uncertain = errors.erring(self.problem.candidates, far.amounts - self.at)
+        uncertain = errors.with_model_error(self.problem.candidates, far.amounts - self.at)
         from_means = replace(
             uncertain,
             change_error=0.0,

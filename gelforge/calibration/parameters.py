@@ -14,7 +14,7 @@ from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.model.effect import Effect, Parameter
-from gelforge.mismatch.model.solver_effects import first_order
+from gelforge.mismatch.model.places import FirstOrder
 
 Laws = Mapping[str, PrincipalLaw]  # by material
 Layers = Sequence[str]  # of one material
@@ -184,12 +184,9 @@ class Free:
             name=self.name,
             family=known.family if known else "material",
             parameters=(Parameter("by", "1", self.width, (low, high), self.prior.source),),
-            enters=known.enters if known else "mechanics.effects",
             signature=self.kind.words,
-            confused_with=(),
-            separated_by="",
             to_study=(lambda study, shape, a: self.to_study(study, at, at + a[0])) if solved else None,
-            to_forces=first_order(self.name)
+            to_forces=FirstOrder(self.name)
             if solved
             else lambda context, shape, force, a: force * (self.value(at + a[0]) / self.value(at)),
             mesh_changes=bool(known and known.mesh_changes),

@@ -12,7 +12,7 @@ import pandas as pd
 import specimens
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence import places
+from gelforge.mismatch.model import places
 from gelforge.mismatch.model.context import Context, Curves
 from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
 

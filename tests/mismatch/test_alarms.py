@@ -31,9 +31,8 @@ def test_noise_gives_known_effects_little_evidence():
 def test_the_bound_is_the_mean_of_the_bayes_factors():
     base = artificial.context(7, per_side=3)
     problem = problem_of(artificial.with_effect(base, "tilt", [0.4, 0.0], np.random.default_rng(5)))
-    every = np.ones(len(problem.labels), bool)
     exact = replace(problem, change_error=0.0)  # as the bound takes them
-    factors = np.exp([one.log_bayes_factor for one in weighed(exact, every, exact.candidates)])
+    factors = np.exp([one.log_bayes_factor for one in weighed(exact)])
     assert chance_of_known(problem) == pytest.approx(min(1.0, 1 / factors.mean()), rel=1e-9)
     assert chance_of_known(problem) < 0.9
 

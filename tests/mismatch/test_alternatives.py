@@ -8,8 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import poisson
 
-from gelforge.mismatch.evidence.alternatives import NOTHING, NULL_PRIOR, TEMPERING, UNKNOWN, log_prior
+from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, log_prior
 from gelforge.mismatch.inference.posterior import Posterior
+from gelforge.mismatch.thresholds import NULL_PRIOR, TEMPERING
 
 
 @pytest.mark.parametrize("known", [2, 40])

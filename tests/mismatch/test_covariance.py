@@ -8,7 +8,6 @@ from artificial_readings import covariance_of, flat_base, grid, law_directions, 
 from numpy.testing import assert_allclose
 from scipy.stats import chi2, multivariate_normal
 
-from gelforge.mismatch.evidence.compression import compressed
 from gelforge.mismatch.evidence.covariance import Covariance, Draws, readings_covariance
 
 CASES = {
@@ -103,25 +102,6 @@ def test_what_is_made_of_a_covariance_that_errs_is_whitened_by_its_own(case):
     ):
         W = one.whiten(np.eye(len(dense)))
         assert_allclose(W @ dense @ W.T, np.eye(len(dense)), atol=1e-9)
-
-
-def test_columns_are_compressed_under_further_draws_of_each_size(case):
-    """Of each indentation and of all together; at a size of 0 they add nothing."""
-    covariance, C = case
-    rng = np.random.default_rng(4)
-    v, sizes = rng.normal(0, 0.1, (len(C), 3)), np.array([[1.0, 0.3, 0.5], [0.0, 2.0, 0.0], [0.0, 0.0, 0.0]])
-    alike, common = covariance.levels[-2:]
-    for group in (covariance.levels[-3].group, alike.group):
-        more = [
-            Draws(common.group, rng.normal(0, 0.05, (len(C), 1))),
-            Draws(group, rng.normal(0, 0.05, (len(C), 2))),
-        ]
-        for (R, log_det), size in zip(compressed(covariance, v, more, sizes), sizes):
-            U = more[1].directions * size[1:]
-            wanted = C + (U @ U.T) * (group[:, None] == group)
-            wanted += size[0] ** 2 * more[0].directions @ more[0].directions.T
-            assert_allclose(R.T @ R, v.T @ np.linalg.solve(wanted, v), rtol=1e-8)
-            assert_allclose(log_det, np.linalg.slogdet(wanted)[1], rtol=1e-10)
 
 
 def test_a_part_has_the_part_of_the_matrix(case):

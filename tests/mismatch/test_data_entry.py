@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.force_frame import READ
-from gelforge.mismatch.evidence.identifiability import DETECTED_SNR
 from gelforge.mismatch.summary.words import sentence_of
+from gelforge.mismatch.thresholds import DETECTED_SNR
 
 
 def read_with(name, shape, seed=7):

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import artificial_readings
 import numpy as np
+import pandas as pd
 import pytest
 from artificial_readings import flat_base, grid, readings
 from hypothesis import given, settings
@@ -14,7 +15,7 @@ from test_covariance import dense
 from test_noise import pressed
 
 from gelforge.config import DepthZero
-from gelforge.mismatch.evidence.covariance import _indicators, readings_covariance
+from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.goodness.scan import global_test
 from gelforge.mismatch.images.flow_covariance import _contact_points
 from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM, depth_scatter, with_contact_point
@@ -101,7 +102,9 @@ def test_without_new_keys_the_covariance_is_that_of_one_field_bit_for_bit(by):
     zero = np.eye(3)[labels["axis"].to_numpy()] * seen.flat(seen.zero_N)[:, None]
     by_session = np.full(len(labels), by == "session")
     press = np.column_stack([zero, np.where(by_session, 0, contact_point)])
-    session = np.where(by_session[:, None], contact_point[:, None] * _indicators(labels["session"]), 0.0)
+    session = np.where(
+        by_session[:, None], contact_point[:, None] * pd.get_dummies(labels["session"]).to_numpy(float), 0.0
+    )
     session = session[:, session.any(axis=0)]
     *_, of_press, alike, common = covariance.levels
     assert np.array_equal(of_press.directions, press)

@@ -8,10 +8,11 @@ import pytest
 from artificial_problem import identified, problem_of
 from numpy.testing import assert_allclose
 
-from gelforge.mismatch.inference.discrepancy import FARTHEST_MM, _Beside, modelled
+from gelforge.mismatch.inference.discrepancy import _Beside, modelled
 from gelforge.mismatch.inference.judge import _beside_cause
 from gelforge.mismatch.terms.holdout import split
 from gelforge.mismatch.terms.unknown import kernels_of
+from gelforge.mismatch.thresholds import FARTHEST_MM
 
 SEED = 23
 
@@ -55,7 +56,7 @@ def test_the_size_of_a_change_is_averaged_over(base):
     beside, few = _Beside.of(problem, None, None), np.arange(len(problem.labels)) % 40 == 0
     D = next(one for one in problem.modules if one.name == "depth_map").directions
     mean, covariance = beside.posterior(D, few)
-    own = [(scale, *beside._learnt_by(scale * D, few)) for scale in (1.0, 0.3, 0.1)]
+    own = [(scale, *beside.learnt_by(scale * D, few)) for scale in (1.0, 0.3, 0.1)]
     weights = np.exp(0.4 * np.array([evidence for _, evidence, *_ in own]))
     assert weights.max() < 0.9 * weights.sum()  # so few readings leave the size open
     parts = [s**2 * (np.outer(m, m) + c) for s, _, m, c in own]

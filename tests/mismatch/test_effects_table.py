@@ -21,10 +21,10 @@ def test_file_and_catalogue_agree():
     )
 
 
-def test_every_effect_has_one_row_of_six_cells():
+def test_every_effect_has_one_row_of_five_cells():
     rows = [line for line in page(CATALOGUE).splitlines() if line.startswith("| ")][1:]
     assert sorted(line.split(" | ")[0].removeprefix("| ") for line in rows) == sorted(CATALOGUE)
-    assert all(line.count(" | ") == 5 for line in rows)
+    assert all(line.count(" | ") == 4 for line in rows)
 
 
 def test_a_bar_in_words_does_not_split_a_cell():

@@ -19,11 +19,10 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import Variation, derivatives, unmirrored
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.places import FirstOrderAt
-from gelforge.mismatch.fem.asked import key_of
+from gelforge.mismatch.free_forms import friction as friction_form
+from gelforge.mismatch.free_forms import strain_energy
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.solver_effects import FirstOrder
-from gelforge.mismatch.terms import energy_terms, friction_terms
+from gelforge.mismatch.model.places import FirstOrder
 
 LAWS = specimens.STUDY_LAWS
 PLACE, DEPTH = specimens.CORNER, 0.5  # off every line of symmetry
@@ -41,12 +40,12 @@ WITHIN = 0.02  # of the change, as the specification of the stage asks
 SHARE_OF_AMOUNT = {"misregistration": 0.2}
 
 EFFECTS = CATALOGUE | {
-    one.TERM.name: one.TERM for one in (energy_terms, friction_terms)
+    one.TERM.name: one.TERM for one in (strain_energy, friction_form)
 }  # what free forms are made of too
 NAMES = [
     name
     for name, effect in EFFECTS.items()
-    if effect.to_study and effect.to_forces and not (effect.binary or effect.history or effect.unloading)
+    if effect.to_study and effect.to_forces and not (effect.binary or effect.history or effect.by_formula)
 ]
 CASES = [(name, k) for name in NAMES for k in range(len(EFFECTS[name].parameters))]
 
@@ -65,7 +64,7 @@ def base(mu):
 
 def shape_of(name):
     """Return number and shape of what has several: the first, of places the nearest to the press; nothing of others."""
-    if not isinstance(EFFECTS[name].to_forces, FirstOrderAt):
+    if not getattr(EFFECTS[name].to_forces, "scanned", None):
         return None, {}
     shapes = EFFECTS[name].shapes(Context.before_readings(base(STICKS)))
     if "x_mm" not in shapes[0]:
@@ -106,11 +105,11 @@ def derivatives_at(mu):
     asked = {}
     for name, k in CASES:
         effect = EFFECTS[name]
-        if friction(name) == mu and isinstance(effect.to_forces, FirstOrder | FirstOrderAt):
+        if friction(name) == mu and isinstance(effect.to_forces, FirstOrder):
             amount = step(name, k)
             still = varied(name, k, 0.0) if effect.mesh_changes else None
             found = Variation(varied(name, k, amount), LAWS, amount, effect.mesh_changes, still)
-            asked[key_of(effect, shape_of(name)[0], k)] = found
+            asked[effect.to_forces.keys(shape_of(name)[0])[k]] = found
     cell, along = derivatives(base(mu), LAWS, PRESSED, asked)
     return cell.arrays["total_force_N"], {key: derivative.total for key, derivative in along.items()}
 

@@ -11,16 +11,15 @@ from test_modules import candidates, module, problem
 
 from gelforge.mismatch.effects.force_hysteresis import largest_so_far
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.free_forms import modules_of
+from gelforge.mismatch.free_forms import friction, modules_of
 from gelforge.mismatch.free_forms.force_hysteresis import BANDS, COUNT, _of_map
 from gelforge.mismatch.inference.judge import judge
-from gelforge.mismatch.terms import friction_terms
 
 
 def friction_changes(context):
     """Return the changes by the exponents at each reference pressure, as the solver would give them."""
     law = context.observations.flat(context.derivative("friction_law"))
-    own = friction_terms.TERM
+    own = friction.TERM
     return [
         Candidate(own.name, shape, (1.0 + k) * law[:, None] ** (1 + 2 * k), own.prior_sd, np.zeros(1, int))
         for k, shape in enumerate(own.shapes(context))
@@ -33,7 +32,7 @@ def test_a_study_has_the_friction_that_makes_the_map():
     amounts = np.array([0.3, 0.4, -0.2, 0.1])
     study, before = own.to_study(context.study, own.basis @ amounts), context.study.mechanics
     terms = study.mechanics.effects.contact.pressure_terms
-    assert [term.exponent for term in terms] == pytest.approx(friction_terms.WIDTH * amounts[1:])
+    assert [term.exponent for term in terms] == pytest.approx(friction.WIDTH * amounts[1:])
     assert [term.reference_pressure_MPa for term in terms] == pytest.approx([1e-3, 1e-2, 1e-1])
     (excess,) = artificial.CATALOGUE["friction"].prior_sd
     assert study.mechanics.friction == pytest.approx(before.friction + 0.3 * excess)
@@ -69,7 +68,7 @@ def test_a_map_of_friction_is_about_the_study_s_own():
 
 def test_a_base_without_friction_has_none_of_another_pressure():
     context = replace(artificial.context(3, per_side=3), study=specimens.study(friction=0.0))
-    assert not friction_terms.TERM.applies(context.study)
+    assert not friction.TERM.applies(context.study)
     assert "friction" not in {one.name for one in modules_of(context, ())}
 
 

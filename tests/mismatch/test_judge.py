@@ -11,11 +11,12 @@ from numpy.testing import assert_allclose
 
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.screen import FORM_ERRORS, screened
-from gelforge.mismatch.inference.judge import MOST_EFFECTS, _alarm, judge
+from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.inference.judge import _alarm, judge
 from gelforge.mismatch.result.verdict import LEFT_P
-from gelforge.mismatch.terms.problem import PLACE_ERROR, secant
+from gelforge.mismatch.terms.problem import secant
 from gelforge.mismatch.terms.refit import refitted
+from gelforge.mismatch.thresholds import FORM_ERRORS, MOST_EFFECTS, PLACE_ERROR
 from gelforge.progress import Stages, show
 
 

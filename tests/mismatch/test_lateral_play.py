@@ -64,13 +64,6 @@ def test_play_along_one_axis_alone_is_an_answer_and_none_is_not():
     assert not PLAY.in_range([0.0, 0.0]) and not PLAY.in_range([0.3, -0.1]) and not PLAY.in_range([0.0, 2.0])
 
 
-def test_a_press_stays_behind_by_half_of_the_play():
-    found = pressed([0, 1, 0], [[0, 0], [-1, 1], [1, 0]])
-    context = replace(artificial.context(), observations=found)
-    landed = PLAY.to_places(context, {}, [0.4, 0.2])
-    assert_allclose(landed, [[8.0, 8.0], [6.7, 7.9], [7.8, 8.0]])
-
-
 def test_with_play_a_press_stays_behind_by_half_of_it(tmp_path):
     found = pressed([0, 1, 0], [[1, 0], [-1, 0], [0, 0]])
     solver = Solver(STUDY, specimens.STUDY_LAWS, {}, tmp_path)
@@ -95,4 +88,3 @@ def test_no_play_is_the_base_bit_for_bit(tmp_path):
     solver = Solver(STUDY, specimens.STUDY_LAWS, {}, tmp_path)
     base = base_of(solver, found, [SHIFT])
     assert_array_equal(forces_with(solver, base, [(PLAY, {}, [0.0, 0.0])]), base.context.force)
-    assert_array_equal(PLAY.to_places(base.context, {}, [0.0, 0.0]), PLACES)

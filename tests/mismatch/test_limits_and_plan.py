@@ -16,13 +16,13 @@ from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.identifiability import DECISIVE, DETECTED_SNR
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem import solutions
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.pipeline.design import limits_table, planned_observations, planned_problem
 from gelforge.mismatch.pipeline.stage import problem_of, solver_of
 from gelforge.mismatch.result.verdict import Verdict, write_verdict
+from gelforge.mismatch.thresholds import DECISIVE, DETECTED_SNR
 
 TRIED = ("contact_zero", "force_gain", "gel_stiffness")
 NARROW = {

@@ -13,12 +13,11 @@ from numpy.testing import assert_allclose
 from test_findings import verdict
 
 from gelforge.csv_table import read_csv
-from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects.mullins import Energies, histories
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.free_forms import modules_of
-from gelforge.mismatch.inference.discrepancy import modelled, through_solutions
+from gelforge.mismatch.free_forms.strain_energy import TERM
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.posterior import Posterior
 from gelforge.mismatch.pipeline.patch import patch_of
@@ -26,8 +25,6 @@ from gelforge.mismatch.result.verdict import VERDICT, Verdict, read_verdict, wri
 from gelforge.mismatch.result.verdict_tables import MODULE, write_tables
 from gelforge.mismatch.summary.model_section import correction_table
 from gelforge.mismatch.terms.body_map import BOX, WIDTH, boxes
-from gelforge.mismatch.terms.energy_terms import TERM
-from gelforge.mismatch.terms.holdout import split
 from gelforge.mismatch.terms.unknown import Weighed
 
 GUIDE = Path("docs/adding/free-form.md")
@@ -288,52 +285,6 @@ def test_a_study_has_the_branches_of_a_spectrum():
     assert list(branches) == ["gel"] and branches["gel"].relative_moduli == [0.05] * (gel.sum() - 1)
     assert branches["gel"].times_s == own.map["relaxation_time_s"][gel].tolist()[1:]
     assert own.to_study(context.study, -np.abs(moduli)) == context.study
-    assert own.effect.history
-
-
-@pytest.fixture(scope="module")
-def curved():
-    """Return a problem whose forces are not linear in the map, its held-out blocks, and the map learnt to first order."""
-    base = artificial.context(31, per_side=4)
-    _, changes = box_changes(base)
-    _, change = softer_to_one_side(base)
-
-    def solved(parts, amounts, module, map_):
-        return base.force + changes @ (map_ + 2 * map_**2)
-
-    read = artificial.read(base, solved((), (), None, change), np.random.default_rng(31))
-    hidden = replace(problem_of(read, boxes=candidates(base)), with_map=solved)
-    blocks = split(hidden.labels, 1)
-    own = next(one for one in hidden.modules if one.name == "modulus_map")
-    return hidden, blocks, modelled(hidden, [own], blocks)
-
-
-def test_a_map_is_learnt_through_what_the_solver_makes_of_it(curved):
-    hidden, blocks, first = curved
-    again, failure = through_solutions(hidden, first, blocks)
-
-    def missing(model):
-        """What the solver makes of the map, beside what is said of it, in standard deviations."""
-        solved = hidden.with_map((), (), model.module, model.map()["mean"].to_numpy())
-        said = hidden.observations.flat(hidden.base) + model.change
-        return np.linalg.norm(hidden.covariance.whiten(hidden.observations.flat(solved) - said))
-
-    assert not failure and missing(first) > 5 and missing(again) < 0.2 * missing(first)
-    assert np.std(again.rest) < np.std(hidden.residual)
-    z = hidden.labels["axis"].to_numpy() == 2
-    assert np.std((again.change - first.change)[z]) < 0.05 * np.std(
-        first.change[z]
-    )  # the readings were met before
-
-
-def test_a_map_that_cannot_be_solved_stays_as_it_was_and_that_is_told(curved):
-    hidden, blocks, first = curved
-
-    def refusing(parts, amounts, module, map_):
-        raise NotConverged("no equilibrium at 2 mm")
-
-    same, failure = through_solutions(replace(hidden, with_map=refusing), first, blocks)
-    assert same is first and failure == "modulus map is known to first order: no equilibrium at 2 mm"
 
 
 @pytest.mark.thorough
@@ -375,7 +326,7 @@ def test_the_cause_that_the_page_shows_is_a_whole_one():
     file = {}
     exec(text, file)
     context = artificial.context(3, per_side=3)
-    (own,) = file["FREE_FORM"].modules(context, ())
+    own = file["FREE_FORM"].module(context, ())
     assert own.directions.shape[1] == own.basis.shape[1] and len(own.map) == len(own.basis)
     drawn = own.values(np.ones(own.basis.shape[1]), np.eye(own.basis.shape[1]))
     assert "into s1" in own.where(drawn.iloc[0]) and (drawn["sigma"] > 0).all()

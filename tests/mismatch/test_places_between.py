@@ -8,11 +8,12 @@ import pytest
 from artificial_problem import problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence import places
-from gelforge.mismatch.evidence.screen import FORM_ERRORS, White, judged_by, screened, with_model_error
-from gelforge.mismatch.terms.problem import PLACE_ERROR
+from gelforge.mismatch.evidence.places import displaced, slopes
+from gelforge.mismatch.evidence.screen import judged_by, log_evidence, screened
+from gelforge.mismatch.model import places
 from gelforge.mismatch.terms.refit import refitted
-from gelforge.mismatch.terms.weighing import unmasked, weighed, whole, with_form_errors
+from gelforge.mismatch.terms.weighing import weighed, with_form_errors
+from gelforge.mismatch.thresholds import FORM_ERRORS, PLACE_ERROR
 
 TRIED = places.balls(artificial.study())
 
@@ -46,7 +47,7 @@ def test_slopes_are_those_of_columns_that_are_linear_in_the_place():
         if c.name == "void"
     ]
     for ball in balls:  # those at the rim have a place on one side only
-        found = places.slopes(ball, balls)
+        found = slopes(ball, balls)
         assert set(found) >= {"x_mm", "y_mm"}
         for axis, slope in (("x_mm", 2), ("y_mm", -3)):
             assert found[axis].columns == pytest.approx(slope * rows)
@@ -141,7 +142,7 @@ def test_a_ball_grows_no_further_than_the_layers():
     balls = [c for c in problem.candidates if c.name == "void"]
     sizes = sorted({place["radius_mm"] for place in TRIED})
     for ball in balls:
-        slope = places.slopes(ball, balls)["radius_mm"]
+        slope = slopes(ball, balls)["radius_mm"]
         reach = [ball.shape["radius_mm"] + end for end in (slope.low, slope.high)]
         assert reach[1] == pytest.approx(sizes[1]) and 0 < reach[0] <= sizes[0]
 
@@ -157,17 +158,17 @@ def test_beside_another_effect_the_place_is_fitted_too():
     every = np.ones(len(problem.labels), bool)
     gel = next(c for c in problem.candidates if c.name == "gel_stiffness")
     voids = [c for c in problem.candidates if c.name == "void"]
-    alone = unmasked(problem, weighed(problem, every, voids)[0])
+    alone = weighed(replace(problem, candidates=voids))[0]
     parts = (gel, *alone.parts)
     columns = [problem.covariance.whiten(part.columns) for part in parts]
     start = judged_by(problem.covariance.whiten(problem.residual), parts, columns)
     fit = refitted(problem, start, every)
     void = fit.parts[1]
-    assert away(void.shape, there) < 0.1 * spacing and fit.ways.shape[1] == len(fit.spread) - 2
+    assert away(void.shape, there) < 0.1 * spacing and len(fit.spread) > 2
     change = problem.observations.flat(bubble(context, there))
     off = [
         np.linalg.norm(one.columns @ fit.amounts[1] - change)
-        for one in (whole(problem, void), problem.own(void))
+        for one in (problem.at_its_place(void), problem.tried(void))
     ]
     assert off[0] < 0.6 * off[1]
 
@@ -176,7 +177,7 @@ def test_what_has_been_found_errs_less_than_what_was_tried():
     """In form as others do, and no more towards the next places."""
     problem = replace(problem_of(artificial.context(65, per_side=3), left_out=()), change_error=0.1)
     part = next(c for c in problem.candidates if c.name == "void" and c.tried == TRIED[12])
-    there = places.displaced(part, {"x_mm": 1.0})
+    there = displaced(part, {"x_mm": 1.0})
     assert there.shape["x_mm"] == TRIED[12]["x_mm"] + 1.0 and there.tried == TRIED[12]
     assert (problem.error_of(part), problem.error_of(there)) == (PLACE_ERROR, FORM_ERRORS[1])
     tried, found = (problem.errors_of([one], np.ones(1)) for one in (part, there))
@@ -215,11 +216,11 @@ def test_evidence_is_averaged_over_errors_of_form():
     for error in FORM_ERRORS:
         part = replace(alone.parts[0], form_error=error)
         wider = problem.with_model_error([part], alone.amounts).covariance
-        own = replace(alone, parts=(part,))
-        without, within = (White.under(C, problem.residual, (part,)) for C in (problem.covariance, wider))
-        each.append(with_model_error(own, without, within).log_bayes_factor)
+        more = log_evidence(wider, problem.residual, [part])
+        more -= log_evidence(problem.covariance, problem.residual, [part])
+        each.append(alone.log_bayes_factor + more)
     assert each[2] > each[0] + 1.0
-    found = with_form_errors(problem, alone, every)
+    found = with_form_errors(problem, alone)
     assert found.parts[0].form_error == FORM_ERRORS[int(np.argmax(each))]
     assert found.log_bayes_factor == pytest.approx(np.logaddexp.reduce(each) - np.log(3))
     fit = refitted(problem, found, every)

@@ -9,10 +9,9 @@ from artificial_problem import SETTINGS
 from test_places_between import away, beside_the_middle, bubble, solvable
 
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.evidence.screen import FORM_ERRORS
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.placing import placed
-from gelforge.mismatch.terms.problem import PLACE_ERROR
+from gelforge.mismatch.thresholds import FORM_ERRORS, PLACE_ERROR
 
 
 def quiet_base():

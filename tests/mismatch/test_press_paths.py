@@ -13,11 +13,10 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem import solver as fem
-from gelforge.mismatch.fem.asked import REACH_MM, asked_of, observed_by
+from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.solutions import Solver, follow, unloading_key, way_down
 from gelforge.mismatch.fem.solver import (
     _by_observable_parts,
-    _loading_curves,
     _ways_down,
     base_of,
     forces_with,
@@ -25,6 +24,7 @@ from gelforge.mismatch.fem.solver import (
 from gelforge.mismatch.model.solver_effects import FAR_OUT, LARGEST_MOVE
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.readings.runs import runs_of, timed_runs_of
+from gelforge.mismatch.thresholds import REACH_MM
 
 PRESSES = [  # site, depth, depths on the way up
     (0, 0.5, ()),
@@ -86,19 +86,6 @@ def test_ways_down_hold_every_depth_that_is_read_at_their_site():
         read = found.table.loc[found.table["site"] == site, "depth_mm"]
         assert planned.depths_mm == tuple(np.unique(read)) and not planned.phases
         assert way_down(planned) == planned
-
-
-def test_curves_over_the_way_down_have_the_value_of_each_depth():
-    """Along every run the quantity is its depth, times ten on the way up: the curves take none of the latter."""
-    runs = runs_of(observations())
-    along = []
-    for planned in runs.planned:
-        depth, phases = np.array(planned.depths_mm), planned.phases or ("load",) * len(planned.depths_mm)
-        along.append(np.tile((depth * np.where(np.array(phases) == "unload", 10, 1))[:, None], 3))
-    depths = tuple(np.array(planned.depths_mm) for planned in _ways_down(runs))
-    curves = _loading_curves(runs, depths, along)
-    for own, values in zip(depths, curves.values):
-        np.testing.assert_array_equal(values[:, 2], own)
 
 
 def test_presses_alike_in_time_are_solved_once_unless_the_sensor_remembers():

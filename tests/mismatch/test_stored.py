@@ -13,7 +13,6 @@ from gelforge.mismatch.fem import solutions
 from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
 from gelforge.mismatch.fem.solutions import Solver, follow
-from gelforge.mismatch.fem.stored import shortened
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.terms.candidates import effects_of_forces
 
@@ -139,12 +138,3 @@ def test_a_file_belongs_to_all_mirror_images_of_its_place(stored):
         found = solver.stored_at(cell.x_mm, cell.y_mm)
         assert found.stem == (cell.source or cell.name) and cells[found.stem].solved
     assert solver.stored_at(1.0, 2.0) is None
-
-
-def test_shortened_numbers_keep_four_digits():
-    values = np.random.default_rng(1).normal(size=1000) * 10.0 ** np.random.default_rng(2).uniform(
-        -20, 20, 1000
-    )
-    found = shortened(np.append(values, 0.0))
-    assert_allclose(found[:-1], values, rtol=2.0**-13 * (1 + 1e-6))
-    assert found[-1] == 0 and not (found.view(np.uint32) & 0x7FF).any()

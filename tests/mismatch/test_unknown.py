@@ -10,8 +10,9 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.summary.words import sentence_of
-from gelforge.mismatch.terms.unknown import PLAUSIBLE, kernels_of, modes, weighed_unknown
+from gelforge.mismatch.terms.unknown import kernels_of, modes, weighed_unknown
 from gelforge.mismatch.terms.weighing import weighed
+from gelforge.mismatch.thresholds import PLAUSIBLE
 
 
 def problem_with(name, amounts, seed=7, **keys):
@@ -48,8 +49,8 @@ def test_each_manner_adds_the_product_of_its_directions():
         plain, U = problem.covariance.restricted(mask), 0.3 * kernel.directions[mask]
         eye = np.eye(mask.sum())
         added = U @ U.T
-        if kernel.each is not None:
-            added *= kernel.each[mask][:, None] == kernel.each[mask]
+        if kernel.groups is not None:
+            added *= kernel.groups[mask][:, None] == kernel.groups[mask]
         inverse = wider.whiten(eye).T @ wider.whiten(eye)
         dense = np.linalg.inv(plain.whiten(eye).T @ plain.whiten(eye)) + added
         assert_allclose(dense @ inverse, eye, atol=1e-5)
@@ -94,8 +95,8 @@ def test_of_nulls_nothing_unknown_is_likely():
 )
 def test_an_effect_that_is_right_is_likelier_than_something_unknown_and_leaves_it_nothing(name, amounts):
     problem = problem_with(name, amounts)
-    kernels, every = kernels_of(problem), np.ones(len(problem.labels), bool)
-    right = next(one for one in weighed(problem, every, problem.candidates) if one.name == name)
+    kernels = kernels_of(problem)
+    right = next(one for one in weighed(problem) if one.name == name)
     assert weighed_unknown(problem, kernels).log_bayes_factor < right.log_bayes_factor - 2
     left = problem.residual - right.change
     # causes that these readings hardly show neither gain nor lose, and are among those that are averaged
@@ -104,8 +105,8 @@ def test_an_effect_that_is_right_is_likelier_than_something_unknown_and_leaves_i
 
 def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown():
     problem = problem_with("misregistration", [0.8, 0.3], left_out=LOCATED | {"misregistration"})
-    kernels, every = kernels_of(problem), np.ones(len(problem.labels), bool)
-    best = weighed(problem, every, problem.candidates)[0]
+    kernels = kernels_of(problem)
+    best = weighed(problem)[0]
     assert weighed_unknown(problem, kernels).log_bayes_factor > best.log_bayes_factor + 5
     left = problem.residual - best.change
     assert weighed_unknown(problem, kernels, best.parts, best.amounts, left).log_bayes_factor > 5

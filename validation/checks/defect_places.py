@@ -23,7 +23,7 @@ from gelforge.mismatch.inference.fits import forces_of
 from gelforge.mismatch.terms.holdout import split
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted, refitted
-from gelforge.mismatch.terms.weighing import unmasked, weighed
+from gelforge.mismatch.terms.weighing import weighed
 from validation.checks.development_cases import SETS, Known, known_singles
 
 
@@ -32,8 +32,7 @@ def row(known: Known) -> dict:
     problem, hidden = known.problem, known.hidden
     train = split(problem.labels, known.seed).train
     candidates = [c for c in problem.candidates if c.name == hidden["name"]]
-    (best,) = weighed(problem, train, candidates)
-    start = unmasked(problem, best)
+    (start,) = weighed(replace(problem, candidates=candidates))
     alone = replace(problem, candidates=start.parts)  # no place is next to it: it stays
     fixed, free = refitted(alone, start, train), refitted(problem, start, train)
     told = {

@@ -23,7 +23,7 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.inference.fits import forces_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import refitted
-from gelforge.mismatch.terms.weighing import unmasked, weighed
+from gelforge.mismatch.terms.weighing import weighed
 from validation.checks.development_cases import SETS, Known, known_singles
 
 
@@ -38,11 +38,11 @@ def row(known: Known) -> dict:
     }
     candidates = [c for c in problem.candidates if c.name == hidden["name"]]
     every = np.ones(len(problem.labels), bool)
-    found = weighed(problem, every, candidates)
+    found = weighed(replace(problem, candidates=candidates))
     if not found:
         return told | {"fitted": "not offered"}
     try:
-        fit = refitted(problem, unmasked(problem, found[0]), every)
+        fit = refitted(problem, found[0], every)
         ours = problem.observations.flat(forces_of(problem, fit) - problem.base)
         left = _snr(problem, known.change - ours)
     except NotConverged as failure:

@@ -228,7 +228,7 @@ CATALOGUE: dict[str, Effect] = {
         Effect(
             "friction", "contact", "coefficient more than mechanics.friction", "1", 0.2, "mechanics.friction",
             lambda study, amount, place: _changed(
-                study, {"mechanics": {"friction": study.mechanics.friction + amount}}
+                study, {"mechanics": {"friction": max(study.mechanics.friction + amount, 0.0)}}
             ),
         ),
         Effect(
@@ -238,7 +238,7 @@ CATALOGUE: dict[str, Effect] = {
         ),
         Effect(
             "friction_law", "contact", "exponent of its fall with the pressure", "1", 0.33,
-            "contact.pressure_exponent", _one("contact", "pressure_exponent"),
+            "contact.pressure_exponent", _one("contact", "pressure_exponent", of=lambda a: min(float(a), 0.99)),
         ),
         Effect(
             "adhesion", "contact", "work of separation", "N/mm", 1e-4, "contact.adhesion",

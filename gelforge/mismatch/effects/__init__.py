@@ -1,7 +1,5 @@
 """The catalogue of left-out physics: every file of this folder is one effect and defines `EFFECT`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from gelforge.mismatch.model.effect import Effect

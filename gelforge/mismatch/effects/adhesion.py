@@ -1,27 +1,18 @@
 """Surfaces that have touched hold together: the indenter is pulled during unloading."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.config import Study
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Shape
-from gelforge.mismatch.model.solver_effects import amount, has, solver
+from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.solver_effects import has, pressed_by_balls, solved
 
 GROWTH = 1.5  # d area / d depth, in pi times the radius, where it is taken as constant
 LAWS = ("constant", "JKR")
 LEAST_MM = 1e-6  # of a depth whose logarithm is taken
 FLAT = 1e-9  # N/mm^2: a push that does not stiffen has no rim that lets go
 ROUNDS = 20  # of a contraction by 1/4 and less
-FIELDS = solver("adhesion", has("contact.adhesion.work_N_per_mm"))
-
-
-def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-    """Return the study with a work of separation, whatever the law of its formula."""
-    return FIELDS["to_study"](study, {}, amounts)
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
@@ -116,21 +107,19 @@ class Contact:
         return self.push(depth)[0] - force + stiffness * (held - depth)
 
 
-EFFECT = Effect(
-    name="adhesion",
-    family="contact",
-    parameters=(
-        amount(
-            "adhesion", "work", (0.0, 2e-3),
-            "width: 0.1 J/m2, twice silicone's surface energy of 0.02 J/m2 with some dissipation; bounds: 2 J/m2, a sticky"
-            " gel torn off fast (judgement)", sign=1,
-        ),
-    ),
+EFFECT = solved(
+    "adhesion",
+    "work",
+    (0.0, 2e-3),
+    "width: 0.1 J/m2, twice silicone's surface energy of 0.02 J/m2 with some dissipation; bounds: 2 J/m2, a sticky"
+    " gel torn off fast (judgement)",
+    has("contact.adhesion.work_N_per_mm"),
+    means=("the surface sticks to the indenter",),
     signature="less force during unloading, as much at any depth or more where the contact is large, down to a pull before"
     " the indenter lets go; loading clean within millinewtons",
-    confused_with=("force_hysteresis", "viscoelastic", "mullins"),
     separated_by="slow unloading with readings up to where the indenter lets go; a dusted surface",
-    applies=lambda study: all(part.kind == "sphere" for part in study.indenter.shapes),
+    applies=pressed_by_balls,
     shapes=lambda context: [{"law": law} for law in LAWS],
-    **FIELDS | {"to_study": to_study, "to_forces": to_forces, "by_formula": True},
-)  # fmt: skip
+    to_forces=to_forces,
+    by_formula=True,
+)

@@ -1,14 +1,12 @@
 """The base plate, held at its edges, bends under the indentation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Shape
-from gelforge.mismatch.model.solver_effects import amount, has, per_depth, solver
+from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.solver_effects import has, per_depth, solved
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
@@ -20,18 +18,15 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
     return force + c * mode[:, None] ** 2 * context.force[:, 2:] * per_depth(context)
 
 
-EFFECT = Effect(
-    name="base_bending",
-    family="kinematics",
-    parameters=(
-        amount(
-            "base_bending", "compliance", (0.0, 0.5),
-            "width: 20 N/mm at its middle, a thin acrylic plate over the camera (judgement); bounds: 2 N/mm", sign=1,
-        ),
-    ),
+EFFECT = solved(
+    "base_bending",
+    "compliance",
+    (0.0, 0.5),
+    "width: 20 N/mm at its middle, a thin acrylic plate over the camera (judgement); bounds: 2 N/mm",
+    present=has("kinematics.base_bending_mm_per_N"),
+    means=("the base under the gel bends",),
     signature="softer in the middle, as force times slope; nothing at the edges",
-    confused_with=("frame_compliance", "compressibility", "elastic_base"),
     separated_by="a dial gauge under the plate; a rigid block pressed at the middle and at the edge",
     depends_on=("contact_zero",),
-    **solver("base_bending", has("kinematics.base_bending_mm_per_N")) | {"to_forces": to_forces},
-)  # fmt: skip
+    to_forces=to_forces,
+)

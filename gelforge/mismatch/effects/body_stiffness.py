@@ -3,17 +3,16 @@
 Under a given displacement that scales every force and moves no particle: exactly what a gain of the force sensor does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
+from gelforge.mismatch.effects import gel_stiffness
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Effect, Shape
-from gelforge.mismatch.model.solver_effects import amount
 
 PARTS = ("gel_stiffness", "skin_stiffness")
 
@@ -36,17 +35,20 @@ EFFECT = Effect(
     name="body_stiffness",
     family="material",
     parameters=(
-        amount(
-            "gel_stiffness", "growth", (-0.8, 4.0),
-            "width: scatter of silicones that were mixed and cured together (judgement); bounds: still a gel",
+        replace(
+            gel_stiffness.EFFECT.parameters[0],
+            source="width: scatter of silicones that were mixed and cured together (judgement); bounds: still a gel",
         ),
     ),
-    enters=f"{CATALOGUE['gel_stiffness'].enters}, {CATALOGUE['skin_stiffness'].enters}",
+    means=(
+        "all layers differ in stiffness",
+        "all layers are {share} stiffer than simulated",
+        "all layers are {share} softer than simulated",
+    ),
     signature="every force in proportion, the same at every place and depth; no particle moves otherwise",
-    confused_with=("force_gain", "gel_stiffness", "skin_stiffness", "indenter_radius", "viscoelastic"),
     separated_by="dead weights on the force sensor; a material test of the batch; no image does",
     depends_on=PARTS,
     to_study=to_study,
     to_forces=to_forces,
     applies=lambda study: len(study.sensor.layers) > 1,
-)  # fmt: skip
+)

@@ -1,15 +1,12 @@
 """The camera stands or looks otherwise than described."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from gelforge.config import Camera, Study
 from gelforge.mismatch.model.effect import Effect, Parameter
 
 AXES = ("x", "y", "z")
-SHIFT = "width: a camera mounted by hand (judgement); bounds: seen by eye"
-TURN = "width: a camera mounted by hand (judgement); bounds: seen by eye"
+SOURCE = "width: a camera mounted by hand (judgement); bounds: seen by eye"
 
 
 def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
@@ -22,11 +19,10 @@ def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
 EFFECT = Effect(
     name="camera_pose",
     family="camera",
-    parameters=tuple(Parameter(f"shift_{axis}", "mm", 0.5, (-5.0, 5.0), SHIFT) for axis in AXES)
-    + tuple(Parameter(f"turn_{axis}", "deg", 1.0, (-15.0, 15.0), TURN) for axis in AXES),
-    enters="session.yaml: camera.position_mm, rotation_deg",
+    parameters=tuple(Parameter(f"shift_{axis}", "mm", 0.5, (-5.0, 5.0), SOURCE) for axis in AXES)
+    + tuple(Parameter(f"turn_{axis}", "deg", 1.0, (-15.0, 15.0), SOURCE) for axis in AXES),
+    means=("the camera stands or looks elsewhere than assumed",),
     signature="flow centred elsewhere, turned, or larger on one side; forces clean",
-    confused_with=("camera_scale", "misregistration", "yaw", "tilt"),
     separated_by="a checkerboard in place of the gel; forces, which do not know the camera",
     to_camera=to_camera,
 )

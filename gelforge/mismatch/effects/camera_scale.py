@@ -1,7 +1,5 @@
 """The camera's scale is off: focal length, or millimetres per pixel."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from gelforge.config import Camera, Study, given
@@ -20,18 +18,13 @@ def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
     return Camera(**(camera.model_dump() | {"mm_per_px": flat / (1 + a)}))
 
 
+SOURCE = "width: a scale read off one known length in the image (judgement); bounds: another lens"
 EFFECT = Effect(
     name="camera_scale",
     family="camera",
-    parameters=(
-        Parameter(
-            "growth", "1", 0.02, (-0.3, 0.3),
-            "width: a scale read off one known length in the image (judgement); bounds: another lens",
-        ),
-    ),
-    enters="session.yaml: camera.focal_px or mm_per_px",
+    parameters=(Parameter("growth", "1", 0.02, (-0.3, 0.3), SOURCE),),
+    means=("the camera's scale is off",),
     signature="all flow in proportion, along its own direction; forces clean",
-    confused_with=("camera_pose", "refraction", "gel_stiffness"),
     separated_by="a ruler or a checkerboard at the gel's height",
     to_camera=to_camera,
-)  # fmt: skip
+)

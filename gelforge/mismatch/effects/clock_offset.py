@@ -1,7 +1,5 @@
 """The force's clock is late or early against the stage's: forces belong to an earlier depth, or a later one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -49,20 +47,17 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
     return force - lag * speed(context, stamp)[:, None] * per_depth(context)
 
 
+SOURCE = (
+    "width: recorders without a common trigger, or a filter of some hertz (judgement); bounds: seen by eye"
+)
 EFFECT = Effect(
     name="clock_offset",
     family="kinematics",
-    parameters=(
-        Parameter(
-            "lag", "s", 0.05, (-1.0, 1.0),
-            "width: recorders without a common trigger, or a filter of some hertz (judgement); bounds: seen by eye",
-        ),
-    ),
-    enters="time of the force readings against the stage's",
+    parameters=(Parameter("lag", "s", 0.05, (-1.0, 1.0), SOURCE),),
+    means=("the clocks of force sensor and stage disagree",),
     signature="less force during loading and more during unloading, in proportion to speed; nothing while the stage waits",
-    confused_with=("contact_zero", "force_hysteresis", "viscoelastic"),
     separated_by="the same indentation at two speeds, with a wait at the end; one trigger line for all recorders",
     depends_on=("contact_zero",),
     to_forces=to_forces,
     shapes=shapes,
-)  # fmt: skip
+)

@@ -1,7 +1,5 @@
 """The axes of the force sensor see each other, or are turned against the stage's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,9 +24,8 @@ EFFECT = Effect(
     name="cross_talk",
     family="force sensor",
     parameters=tuple(Parameter(f"{AXES[i]}_of_{AXES[j]}", "1", 0.02, (-0.2, 0.2), SOURCE) for i, j in PAIRS),
-    enters="force readings: F_i + sum of c_ij F_j",
+    means=("the force sensor has cross-talk between its axes",),
     signature="lateral readings in proportion to the normal force, of one sign at every place",
-    confused_with=("tilt", "misregistration", "force_gain"),
     separated_by="dead weights along each axis; an indentation at the middle of a level sensor",
     to_forces=to_forces,
 )

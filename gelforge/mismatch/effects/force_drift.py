@@ -1,13 +1,12 @@
 """The force sensor's zero drifts: over a tared session, or from an indentation's own zero rows on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import on_each_axis
 
 SOURCE = (
     "width: warming up of strain gauges, of the order of 0.1 N in the first hour for ranges of tens of newtons (judgement);"
@@ -42,11 +41,10 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
 EFFECT = Effect(
     name="force_drift",
     family="force sensor",
-    parameters=tuple(Parameter(axis, "N/h", 0.1, (-5.0, 5.0), SOURCE) for axis in ("x", "y", "z")),
-    enters="force readings: F + rate x time since zero, or settling exponentially",
+    parameters=on_each_axis("N/h", 0.1, (-5.0, 5.0), SOURCE),
+    means=("the force sensor's zero drifts",),
     signature="the same force at every place and depth, growing with time for good or until all is warm; in raster order"
     " a slope over the sensor",
-    confused_with=("force_offset", "ageing", "thickness_gradient", "mullins", "viscoelastic"),
     separated_by="random order, zero readings before and after every indentation",
     to_forces=to_forces,
     shapes=shapes,

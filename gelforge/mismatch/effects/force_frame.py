@@ -1,11 +1,8 @@
 """A data-entry error: the lateral axes of the force sensor, or of the stage, are not those that the session states."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from gelforge.mismatch.model.data_entry import data_entry_error
-from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import data_entry_error
 
 # What was read as (Fx, Fy), of the force (Fx, Fy) on the sensor: all other ways to lay a square on itself.
 READ = {
@@ -18,18 +15,14 @@ READ = {
     "x and y swapped and reversed": ((0, -1), (-1, 0)),
 }
 
-
-def read(force: np.ndarray, axes: str) -> np.ndarray:
-    """Return the forces (R, 3) along other lateral axes."""
-    return np.column_stack([force[:, :2] @ np.array(READ[axes], dtype=float).T, force[:, 2]])
-
-
-EFFECT = Effect(
-    name="force_frame",
-    enters="force.axes and stage_to_sensor in session.yaml",
+EFFECT = data_entry_error(
+    "force_frame",
+    "axes",
+    [*READ],
+    "x and y swapped",
+    lambda force, axes: np.column_stack([force[:, :2] @ np.array(READ[axes], float).T, force[:, 2]]),
+    means=("forces are recorded in another frame than assumed",),
     signature="lateral forces as large as they should be, along other axes; vertical forces clean",
-    confused_with=("cross_talk", "misregistration"),
     separated_by="a look at how the force sensor is mounted; one indentation beside each wall, which pushes the"
     " ball away from it",
-    **data_entry_error("axes", READ, "x and y swapped", read),
 )

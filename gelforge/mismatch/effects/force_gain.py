@@ -1,13 +1,12 @@
 """The force sensor reads too much or too little, axis by axis."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import on_each_axis
 
 SOURCE = (
     "width: full-scale uncertainty of 1 to 2 % in common six-axis data sheets, a good deal more of the reading at a tenth of"
@@ -23,17 +22,9 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
 EFFECT = Effect(
     name="force_gain",
     family="force sensor",
-    parameters=tuple(Parameter(axis, "1", 0.05, (-0.5, 0.5), SOURCE) for axis in ("x", "y", "z")),
-    enters="force readings: F_i (1 + g_i)",
+    parameters=on_each_axis("1", 0.05, (-0.5, 0.5), SOURCE),
+    means=("the force sensor's gain is off",),
     signature="in proportion to the force at every place, depth and time; images clean",
-    confused_with=(
-        "gel_stiffness",
-        "skin_stiffness",
-        "indenter_radius",
-        "layer_thickness",
-        "viscoelastic",
-        "ageing",
-    ),
     separated_by="dead weights on the force sensor; images, as particles follow the depth and not the reading",
     to_forces=to_forces,
 )

@@ -1,13 +1,12 @@
 """The force sensor lags behind: it reads more during unloading than during loading at the same force."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import on_each_axis
 
 
 def shapes(context: Context) -> list[Shape]:
@@ -71,11 +70,10 @@ SOURCE = (
 EFFECT = Effect(
     name="force_hysteresis",
     family="force sensor",
-    parameters=tuple(Parameter(axis, "1", 0.02, (0.0, 0.3), SOURCE, sign=1) for axis in ("x", "y", "z")),
-    enters="force readings, as shares of the largest force by axis",
+    parameters=on_each_axis("1", 0.02, (0.0, 0.3), SOURCE),
+    means=("the force sensor has hysteresis",),
     signature="more force during unloading than during loading, most at half of the indentation's largest force or"
     " as much at any",
-    confused_with=("viscoelastic", "adhesion", "mullins", "clock_offset"),
     separated_by="dead weights put on and taken off; unloading at two speeds (hysteresis does not know time)",
     to_forces=to_forces,
     shapes=shapes,

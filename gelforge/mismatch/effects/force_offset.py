@@ -1,13 +1,12 @@
 """The zero of a tared session is off. Where each indentation's own zero is subtracted, a constant cancels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.solver_effects import on_each_axis
 
 SOURCE = (
     "width: resolution and settling at taring of common six-axis sensors of tens of newtons (judgement); bounds: the weight"
@@ -33,10 +32,9 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
 EFFECT = Effect(
     name="force_offset",
     family="force sensor",
-    parameters=tuple(Parameter(axis, "N", 0.05, (-2.0, 2.0), SOURCE) for axis in ("x", "y", "z")),
-    enters="force readings of a tared session: F + constant",
+    parameters=on_each_axis("N", 0.05, (-2.0, 2.0), SOURCE),
+    means=("the force sensor's zero is off",),
     signature="the same force at every place and depth, without any at the contact point in the simulation",
-    confused_with=("force_drift", "contact_zero", "tilt"),
     separated_by="readings before contact in every indentation, which a tared session may still have",
     to_forces=to_forces,
     shapes=shapes,

@@ -1,9 +1,6 @@
 """A data-entry error: the readings are not in newtons."""
 
-from __future__ import annotations
-
-from gelforge.mismatch.model.data_entry import data_entry_error
-from gelforge.mismatch.model.effect import Effect
+from gelforge.mismatch.model.solver_effects import data_entry_error
 
 # What is read of one newton; thousands are refused when a recording is read.
 READ = {
@@ -13,11 +10,13 @@ READ = {
     "N, multiplied by 4.45": 4.4482216,
 }
 
-EFFECT = Effect(
-    name="force_unit",
-    enters="force readings: a unit other than the newtons that their columns state",
+EFFECT = data_entry_error(
+    "force_unit",
+    "unit",
+    [*READ],
+    "kgf",
+    lambda force, unit: READ[unit] * force,
+    means=("forces are recorded in another unit than assumed",),
     signature="all forces in proportion, by a factor between two units; images clean",
-    confused_with=("force_gain", "body_stiffness"),
     separated_by="one known weight on the force sensor",
-    **data_entry_error("unit", READ, "kgf", lambda force, unit: READ[unit] * force),
 )

@@ -1,14 +1,12 @@
 """The machine's frame yields in series with the sensor."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Shape
-from gelforge.mismatch.model.solver_effects import amount, has, per_depth, solver
+from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.solver_effects import has, per_depth, solved
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
@@ -17,19 +15,16 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
     return force + c * context.force[:, 2:] * per_depth(context)  # Fz is negative where the indenter presses
 
 
-EFFECT = Effect(
-    name="frame_compliance",
-    family="kinematics",
-    parameters=(
-        amount(
-            "frame_compliance", "compliance", (0.0, 0.5),
-            "width: 20 N/mm, a light printed frame with a force sensor (judgement; machined ones have 1000); bounds: 2 N/mm."
-            " A negative compliance fits many stiffening curves and is no physics", sign=1,
-        ),
-    ),
+EFFECT = solved(
+    "frame_compliance",
+    "compliance",
+    (0.0, 0.5),
+    "width: 20 N/mm, a light printed frame with a force sensor (judgement; machined ones have 1000); bounds: 2 N/mm."
+    " A negative compliance fits many stiffening curves and is no physics",
+    present=has("kinematics.frame_compliance_mm_per_N"),
+    means=("the stage's frame is compliant",),
     signature="softer as force times slope: nothing at small depth, most at the deepest indentations and near the wall",
-    confused_with=("compressibility", "law_exponent", "base_bending", "elastic_base"),
     separated_by="pressing a rigid block in place of the sensor; images, which show the true depth",
     depends_on=("contact_zero",),
-    **solver("frame_compliance", has("kinematics.frame_compliance_mm_per_N")) | {"to_forces": to_forces},
-)  # fmt: skip
+    to_forces=to_forces,
+)

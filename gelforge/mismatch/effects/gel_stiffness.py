@@ -1,20 +1,18 @@
 """The gel is stiffer or softer than its law: batch, cure, tracer particles."""
 
-from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.model.solver_effects import amount, solver
+from gelforge.mismatch.model.solver_effects import solved
 
-EFFECT = Effect(
-    name="gel_stiffness",
-    family="material",
-    parameters=(
-        amount(
-            "gel_stiffness", "growth", (-0.8, 4.0),
-            "width: scatter of soft silicones by batch, mixing ratio and cure (judgement); particles of 2 % by volume add"
-            " 5 % (Eshelby 1957, 1 / (1 - 5 phi / 2)); bounds: still a gel",
-        ),
+EFFECT = solved(
+    "gel_stiffness",
+    "growth",
+    (-0.8, 4.0),
+    "width: scatter of soft silicones by batch, mixing ratio and cure (judgement); particles of 2 % by volume add"
+    " 5 % (Eshelby 1957, 1 / (1 - 5 phi / 2)); bounds: still a gel",
+    means=(
+        "the gel differs in stiffness",
+        "the gel is {share} stiffer than simulated",
+        "the gel is {share} softer than simulated",
     ),
     signature="force in proportion at every place and depth, less near the wall; the more so the thinner the skin",
-    confused_with=("force_gain", "skin_stiffness", "indenter_radius", "layer_thickness", "viscoelastic"),
     separated_by="dead weights on the force sensor; a material test of the batch; images, whose flow no gain changes",
-    **solver("gel_stiffness"),
-)  # fmt: skip
+)

@@ -1,21 +1,20 @@
 """The ball is larger or smaller than described."""
 
-from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.model.solver_effects import amount, has, solver
+from gelforge.mismatch.model.solver_effects import has, pressed_by_balls, solved
 
-EFFECT = Effect(
-    name="indenter_radius",
-    family="geometry",
-    parameters=(
-        amount(
-            "indenter_radius", "change", (-1.0, 1.0),
-            "width: a printed or cast ball, 5 % of 5 mm (judgement; a bearing's ball is good to 1e-3 mm);"
-            " bounds: a wrong ball",
-        ),
+EFFECT = solved(
+    "indenter_radius",
+    "change",
+    (-1.0, 1.0),
+    "width: a printed or cast ball, 5 % of 5 mm (judgement; a bearing's ball is good to 1e-3 mm);"
+    " bounds: a wrong ball",
+    present=has("geometry.indenter_radius_change_mm"),
+    means=(
+        "the indenter's radius differs",
+        "the indenter's radius is {size} larger than assumed",
+        "the indenter's radius is {size} smaller than assumed",
     ),
     signature="harder with a larger ball, nearly in proportion, a little less at depth",
-    confused_with=("gel_stiffness", "force_gain", "layer_thickness"),
     separated_by="a calliper on the ball, or a second ball",
-    applies=lambda study: all(part.kind == "sphere" for part in study.indenter.shapes),
-    **solver("indenter_radius", has("geometry.indenter_radius_change_mm")),
-)  # fmt: skip
+    applies=pressed_by_balls,
+)

@@ -1,7 +1,5 @@
 """The stage has lateral play: where the ball lands depends on the side from which it came."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,20 +11,13 @@ AXES = ("x", "y")
 SOURCE = "width: a belt or a worn screw (judgement; a preloaded one has 1e-3 mm); bounds: seen by eye"
 
 
-def shifts(context: Context, amounts: Sequence[float]) -> np.ndarray:
-    """Return by how much (R, 2) [mm] presses land beside their place: half of the play towards where the stage came from."""
-    return -0.5 * context.observations.came_along @ np.asarray(amounts, dtype=float)
-
-
-def to_places(context: Context, shape: Shape, amounts: Sequence[float]) -> np.ndarray:
-    """Return where (R, 2) [mm] the ball lands."""
-    observations = context.observations
-    return observations.sites[observations.table["site"]] + shifts(context, amounts)
-
-
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces with each indentation shifted on its own, by the derivatives along misregistration."""
-    for shift, axis in zip(shifts(context, amounts).T, AXES):
+    """Return the forces with each indentation shifted by half of the play towards where the stage came from.
+
+    By the derivatives along misregistration.
+    """
+    shifts = -0.5 * context.observations.came_along @ np.asarray(amounts, dtype=float)  # (R, 2) [mm]
+    for shift, axis in zip(shifts.T, AXES):
         force = force + shift[:, None] * context.derivative(f"misregistration.{axis}")
     return force
 
@@ -34,14 +25,11 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
 EFFECT = Effect(
     name="lateral_play",
     family="kinematics",
-    parameters=tuple(Parameter(axis, "mm", 0.2, (0.0, 2.0), SOURCE, 1) for axis in AXES),
-    enters="where each indentation lands, by the stage's last move along each of its axes",
+    parameters=tuple(Parameter(axis, "mm", 0.2, (0.0, 2.0), SOURCE) for axis in AXES),
+    means=("the stage has lateral play",),
     signature="indentations to one place differ with the side from which the stage came; near a wall softer where"
-    " it comes from "
-    "within, harder where it comes from without",
-    confused_with=("grid_scale", "wall_stiffness", "prestretch", "misregistration", "yaw"),
+    " it comes from within, harder where it comes from without",
     separated_by="one place near a wall, met from both sides in turn; the last move always from the same side",
     depends_on=("misregistration",),
-    to_places=to_places,
     to_forces=to_forces,
 )

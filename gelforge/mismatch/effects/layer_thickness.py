@@ -2,8 +2,7 @@
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
-from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.model.solver_effects import amount, is_block, solver
+from gelforge.mismatch.model.solver_effects import is_block, solved
 
 
 def present(study: Study) -> float:
@@ -12,18 +11,18 @@ def present(study: Study) -> float:
     return thickness.change_mm if thickness else 0.0
 
 
-EFFECT = Effect(
-    name="layer_thickness",
-    family="geometry",
-    parameters=(
-        amount(
-            "layer_thickness", "change", (-1.5, 1.5),
-            "width: a gel poured by weight, its meniscus included (judgement); bounds: a third of a usual layer",
-        ),
+EFFECT = solved(
+    "layer_thickness",
+    "change",
+    (-1.5, 1.5),
+    "width: a gel poured by weight, its meniscus included (judgement); bounds: a third of a usual layer",
+    present=present,
+    means=(
+        "the gel's thickness differs",
+        "the gel is {size} thicker than assumed",
+        "the gel is {size} thinner than assumed",
     ),
     signature="softer if thicker, nearly in proportion, more at depth and less near the wall",
-    confused_with=("gel_stiffness", "force_gain", "thickness_gradient", "indenter_radius"),
     separated_by="a calliper, or the depth at which a thin pin meets the base; a second ball of another radius",
     applies=is_block,
-    **solver("layer_thickness", present),
-)  # fmt: skip
+)

@@ -1,33 +1,17 @@
 """The stage's origin lies elsewhere on the sensor than described."""
 
-from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.model.solver_effects import (
-    amount,
-    as_vector,
-    first_order,
-    half_an_element,
-    pair_of,
-    solver,
-)
+from gelforge.mismatch.model.solver_effects import as_vector, half_an_element, has, solved_pair
 
-SOURCE = "width: an edge found by eye (judgement); bounds: a tenth of a usual sensor"
-
-EFFECT = Effect(
-    name="misregistration",
-    family="kinematics",
-    parameters=tuple(amount("misregistration", along, (-3.0, 3.0), SOURCE) for along in ("x", "y")),
+EFFECT = solved_pair(
+    "misregistration",
+    ("x", "y"),
+    (-3.0, 3.0),
+    "width: an edge found by eye (judgement); bounds: a tenth of a usual sensor",
+    has("kinematics.misregistration_mm"),
+    lambda study, both: {"kinematics": {"misregistration_mm": both}},
+    means=("the sensor lies elsewhere on the stage than assumed",),
     signature="near the walls harder on one side and softer on the other; nothing in the middle but a lateral force",
-    confused_with=("thickness_gradient", "tilt", "yaw", "grid_scale", "cross_talk"),
     separated_by="indentations close to opposite walls; images, which show where the ball presses",
-    **solver("misregistration")
-    | {
-        "to_study": pair_of(
-            "kinematics",
-            lambda study: study.mechanics.effects.kinematics.misregistration_mm,
-            lambda study, both: {"misregistration_mm": both},
-        ),
-        "to_forces": first_order("misregistration", "x", "y"),
-        "turned": as_vector,
-        "across": half_an_element,
-    },
+    turned=as_vector,
+    across=half_an_element,
 )

@@ -12,8 +12,8 @@ from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Shape
-from gelforge.mismatch.model.solver_effects import amount, has_none_of, solver
+from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
 # m over the largest energy density: a loss at the slightest return, and one in proportion
 SCALES = (0.1, 1.0)
@@ -119,22 +119,21 @@ def _points() -> np.ndarray:
 
 
 POINTS = _points()
-EFFECT = Effect(
-    name="mullins",
-    family="history",
-    parameters=(
-        amount(
-            "mullins", "largest_loss", (0.0, LARGEST),
-            "width: unfilled silicones lose little, filled rubbers up to half of their stress at the second loading"
-            " (judgement); bounds: a share of the stress", sign=1,
-        ),
-    ),
+EFFECT = solved(
+    "mullins",
+    "largest_loss",
+    (0.0, LARGEST),
+    "width: unfilled silicones lose little, filled rubbers up to half of their stress at the second loading"
+    " (judgement); bounds: a share of the stress",
+    means=("the material softens where it has been strained before",),
     signature="softer where deeper indentations have been before, neighbours included, and during unloading; first"
-        " indentations clean",
-    confused_with=("ageing", "viscoelastic", "force_drift", "adhesion", "force_hysteresis"),
+    " indentations clean",
     separated_by="random order, with a return to one site at every ninth indentation, and first indentations on a"
-        " fresh sensor",
+    " fresh sensor",
     depends_on=("gel_stiffness",),
     applies=lambda study: has_none_of("history.mullins")(study) and study.mechanics.strain == "finite",
-    **solver("mullins") | {"to_study": to_study, "to_forces": to_forces, "shapes": shapes, "path_dependent": True},
-)  # fmt: skip
+    to_study=to_study,
+    to_forces=to_forces,
+    shapes=shapes,
+    path_dependent=True,
+)

@@ -1,7 +1,5 @@
 """Light is bent where it leaves the gel: a camera calibrated in air sees particles nearer than they are."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from gelforge.config import Camera, Study
@@ -30,18 +28,13 @@ def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
     return Camera(**(camera.model_dump() | seen))
 
 
+SOURCE = "width: silicones have 1.40 to 1.43; bounds: no glass or polymer in use has more"
 EFFECT = Effect(
     name="refraction",
     family="camera",
-    parameters=(
-        Parameter(
-            "index_less_1", "1", 0.4, (0.0, 0.7),
-            "width: silicones have 1.40 to 1.43; bounds: no glass or polymer in use has more", sign=1,
-        ),
-    ),
-    enters="session.yaml: camera.focal_px, position_mm",
+    parameters=(Parameter("index_less_1", "1", 0.4, (0.0, 0.7), SOURCE),),
+    means=("the camera looks through more refraction than assumed",),
     signature="flow larger everywhere, and less of it from motion along the view; forces clean",
-    confused_with=("camera_scale", "camera_pose"),
     separated_by="a checkerboard seen through the gel and without it",
     to_camera=to_camera,
-)  # fmt: skip
+)

@@ -2,8 +2,7 @@
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
-from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.model.solver_effects import amount, as_vector, first_order, is_block, pair_of, solver
+from gelforge.mismatch.model.solver_effects import as_vector, is_block, solved_pair
 
 
 def present(study: Study) -> list[float]:
@@ -12,24 +11,16 @@ def present(study: Study) -> list[float]:
     return thickness.gradient if thickness else [0.0, 0.0]
 
 
-SOURCE = "width: 0.6 mm over a sensor of 30 mm (judgement); bounds: 3 mm over it"
-
-EFFECT = Effect(
-    name="thickness_gradient",
-    family="geometry",
-    parameters=tuple(amount("thickness_gradient", along, (-0.1, 0.1), SOURCE) for along in ("x", "y")),
+EFFECT = solved_pair(
+    "thickness_gradient",
+    ("x", "y"),
+    (-0.1, 0.1),
+    "width: 0.6 mm over a sensor of 30 mm (judgement); bounds: 3 mm over it",
+    present,
+    lambda study, both: {"geometry": {"thickness": {gel_layers(study)[-1]: {"gradient": both}}}},
+    means=("the gel is thicker on one side",),
     signature="softer on one side, harder on the other, in proportion to the distance from the middle; some lateral force",
-    confused_with=("tilt", "ageing", "force_drift", "misregistration", "layer_thickness"),
     separated_by="random order (raster order makes time equal to place); small depths, where tilt alone loses contact",
+    turned=as_vector,
     applies=is_block,
-    **solver("thickness_gradient")
-    | {
-        "to_study": pair_of(
-            "geometry",
-            present,
-            lambda study, both: {"thickness": {gel_layers(study)[-1]: {"gradient": both}}},
-        ),
-        "to_forces": first_order("thickness_gradient", "x", "y"),
-        "turned": as_vector,
-    },
 )

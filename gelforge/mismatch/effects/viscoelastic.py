@@ -1,16 +1,14 @@
 """The soft layers relax: overstresses that fade with one relaxation time, beside the law, which holds at rest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from gelforge.config import Study
-from gelforge.indentation.effects.catalogue import CATALOGUE, gel_layers, skin_layer, with_keys
+from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Shape
-from gelforge.mismatch.model.solver_effects import amount, has_none_of
+from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
 SHORTEST_S = 0.1
 LONGEST_OVER_PRESS = 10.0  # a time ten times the longest press acts as a stiffness: longer ones look alike
@@ -72,24 +70,18 @@ def overstress(context: Context, stiffness: str, tau: float) -> np.ndarray:
     return h
 
 
-EFFECT = Effect(
-    name="viscoelastic",
-    family="history",
-    parameters=(
-        amount(
-            "viscoelastic", "relative_modulus", (0.0, 3.0),
-            "width: soft silicones lose 5 to 30 % of their stress within minutes (judgement); bounds: a modulus; more than"
-            " three times that at rest is no silicone gel", sign=1,
-        ),
-    ),
-    enters=CATALOGUE["viscoelastic"].enters,
+EFFECT = solved(
+    "viscoelastic",
+    "relative_modulus",
+    (0.0, 3.0),
+    "width: soft silicones lose 5 to 30 % of their stress within minutes (judgement); bounds: a modulus; more than"
+    " three times that at rest is no silicone gel",
+    means=("the material relaxes under load",),
     signature="harder when fast, falling during a dwell, lower during unloading than during loading at the same depth",
-    confused_with=("gel_stiffness", "force_gain", "skin_stiffness", "mullins", "force_drift", "force_hysteresis"),
     separated_by="a long dwell at one depth, and the same indentation at speeds ten times apart",
     depends_on=("gel_stiffness", "skin_stiffness"),
     to_study=to_study,
     to_forces=to_forces,
     shapes=shapes,
     applies=lambda study: has_none_of("history.viscoelastic")(study) and study.mechanics.strain == "finite",
-    history=True,
-)  # fmt: skip
+)

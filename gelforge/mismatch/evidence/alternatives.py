@@ -8,13 +8,9 @@ import numpy as np
 from scipy.special import gammaln, logsumexp
 
 from gelforge.mismatch.evidence.screen import Screened
+from gelforge.mismatch.thresholds import NULL_PRIOR
 
-NULL_PRIOR = 0.5  # as likely as not that a careful study has left nothing out
 NOTHING: frozenset[str] = frozenset()
-# Log evidence counts for this share: each effect has a form that is not quite the truth's, and so have the errors allowed
-# for it. Of 135 claims of two opened concealed sets 0.4 makes the mean log score largest (-0.27; -0.40 at 1), and of
-# those that it leaves above 0.9 79 of 81 are right (docs/mismatch-method.md, `python -m validation claims`).
-TEMPERING = 0.4
 UNKNOWN = "unknown"  # what no known effect explains: as likely, before the readings, as any one of them
 
 

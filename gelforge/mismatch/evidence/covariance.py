@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import pandas as pd
 import scipy.sparse as sp
 
 from gelforge.mismatch.model.context import Context
@@ -72,28 +71,18 @@ class Covariance:
         """Return W v for v (n,) or (n, k), where W C W' = I."""
         return self._through(v, self._steps)
 
-    def whiten_finer(self, v: np.ndarray) -> np.ndarray:
-        """Return the same by what is independent and by all levels but the last two."""
-        return self._through(v, self._finer_steps)
-
-    @property
-    def log_det_finer(self) -> float:
-        """Return the logarithm of the determinant of that part."""
-        return self._log_det_of(self._finer_steps)
-
     @property
     def log_det(self) -> float:
         """Return the logarithm of the determinant."""
-        return self._log_det_of(self._steps)
+        return float(np.log(self.variance).sum() + sum(step.log_det for step in self._steps))
 
     def log_density(self, r: np.ndarray) -> float:
         """Return the logarithm of the normal density N(r; 0, C) of r (n,)."""
         return self.log_density_of_white(self.whiten(r))
 
-    def log_density_of_white(self, white: np.ndarray, log_det: float | None = None) -> float:
-        """Return the same of what is whitened already, W r, compressed or not; log_det: of another covariance of r."""
-        log_det = self.log_det if log_det is None else log_det
-        return float(-0.5 * (np.sum(white**2) + log_det + len(self) * np.log(2 * np.pi)))
+    def log_density_of_white(self, white: np.ndarray) -> float:
+        """Return the same of what is whitened already, W r."""
+        return float(-0.5 * (np.sum(white**2) + self.log_det + len(self) * np.log(2 * np.pi)))
 
     @property
     def standard_deviation(self) -> np.ndarray:
@@ -185,9 +174,6 @@ class Covariance:
             x = step(x)
         return x
 
-    def _log_det_of(self, steps: Sequence[_Step]) -> float:
-        return float(np.log(self.variance).sum() + sum(step.log_det for step in steps))
-
 
 @dataclass(frozen=True, eq=False)
 class _Step:
@@ -245,14 +231,14 @@ def readings_covariance(
     floor = discretisation(context, floor_N) / np.sqrt(2)
     per_axis = np.eye(3)[axis]
     drift = per_axis * flat(observations.drift_N)[:, None]
-    press = np.column_stack(
-        [
-            per_axis * flat(observations.zero_N)[:, None],
-            drift[:, drift.any(axis=0)],
-            flat(observations.press_depth_mm[:, None] * slope),  # the last column: see flow_covariance
-        ]
-    )
-    common = np.column_stack([flat(law), floor, *_of_sessions(context, labels, per_axis)])
+    contact = flat(observations.press_depth_mm[:, None] * slope)  # the last column: see flow_covariance
+    zero = per_axis * flat(observations.zero_N)[:, None]
+    press = np.column_stack([zero, drift[:, drift.any(axis=0)], contact])
+    session = np.eye(labels["session"].nunique())[_numbered(labels["session"])]
+    shared = flat(observations.session_depth_mm[:, None] * slope)[:, None] * session
+    trend = per_axis * flat(observations.trend_N)[:, None]
+    of_sessions = np.column_stack([shared, *(trend[:, [k]] * session for k in range(3))])
+    common = np.column_stack([flat(law), floor, of_sessions[:, of_sessions.any(axis=0)]])
     alike = labels["site"] if alike is None else np.asarray(alike)[reading]
     levels = [
         Draws(_numbered(labels["press"]), press),
@@ -264,15 +250,6 @@ def readings_covariance(
         depth = labels.groupby(["press", "phase", "depth_mm"]).ngroup().to_numpy()
         levels.insert(0, Draws(depth, per_axis * rounding[:, None]))
     return Covariance(flat(observations.noise_N) ** 2, tuple(levels), estimated_noise(observations))
-
-
-def _of_sessions(context: Context, labels: pd.DataFrame, per_axis: np.ndarray) -> list[np.ndarray]:
-    """Return the columns (n, .) of what a session's entries share: its contact point, then the zero's trend by axis."""
-    observations, session = context.observations, _indicators(labels["session"])
-    contact = observations.flat(observations.session_depth_mm[:, None] * context.slope())
-    trend = per_axis * observations.flat(observations.trend_N)[:, None]
-    found = [contact[:, None] * session, *(trend[:, [k]] * session for k in range(3))]
-    return [columns[:, columns.any(axis=0)] for columns in found]
 
 
 def estimated_noise(observations: Observations) -> Estimated:
@@ -308,9 +285,3 @@ def slowly(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _numbered(values: Sequence | np.ndarray) -> np.ndarray:
     return np.unique(np.asarray(values), return_inverse=True)[1].ravel()
-
-
-def _indicators(values: Sequence) -> np.ndarray:
-    """Return (n, k), 1 in the column of each distinct value."""
-    number = _numbered(values)
-    return np.eye(number.max(initial=-1) + 1)[number]

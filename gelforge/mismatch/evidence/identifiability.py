@@ -12,12 +12,7 @@ from scipy.spatial.distance import squareform
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.model.effect import Shape
-
-ALIKE = 0.95  # correlation of sensitivities, from which two effects share a line
-# On recordings of 4 to 25 sites the largest of a scan's 75 to 230 correlated scores exceeds 3.5 to 3.7 by chance in 2.5 %,
-# so a change of 4 standard deviations is seen in about three of four cases, one of 2 hardly ever (test_identifiability).
-DETECTED_SNR = 4.0
-DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
+from gelforge.mismatch.thresholds import ALIKE, DECISIVE, DETECTED_SNR
 
 
 @dataclass(frozen=True)
@@ -28,7 +23,6 @@ class Limit:
     parameter: int
     shape: Shape  # where it is seen best
     amount: float
-    worst_amount: float  # at the shape where it is seen least
     prior_sd: (
         float  # the value in prior standard deviations; above 1 the recording cannot show what is plausible
     )
@@ -127,8 +121,7 @@ def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) ->
         widths = [1.0 if one.binary else float(one.prior_sd[k]) for _, one in shapes]
         share, best = min((amount / width, j) for j, ((amount, _), width) in enumerate(zip(shapes, widths)))
         amount, candidate = shapes[best]
-        worst = max(amount for amount, _ in shapes)
-        limits.append(Limit(name, k, candidate.shape, float(amount), float(worst), float(share)))
+        limits.append(Limit(name, k, candidate.shape, float(amount), float(share)))
     return limits
 
 

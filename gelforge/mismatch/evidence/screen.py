@@ -9,15 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.compression import compressed
-from gelforge.mismatch.evidence.covariance import Covariance, Draws
+from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidence
 from gelforge.mismatch.model.effect import Shape
-
-SCALES = (1.0, 0.3, 0.1)  # of plausible values: what is left out is known to be small, not how small
-# By which the form of an effect differs from the truth's, shares of its change, equally likely before the readings. Of
-# different models of one physics (validation/checks/form_errors.py) most lie between; softening lies beyond.
-FORM_ERRORS = (0.1, 0.2, 0.3)
+from gelforge.mismatch.thresholds import FORM_ERRORS, SCALES
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +32,6 @@ class Candidate:
     def tried(self) -> Shape:
         """Return the shape that was tried: one of the effect's own list."""
         return dict(self.shape if self.moved_from is None else self.moved_from)
-
-    def restricted(self, mask: np.ndarray) -> Candidate:
-        """Return the candidate on some entries."""
-        return replace(self, columns=self.columns[mask])
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +56,16 @@ class Screened:
     def shape(self) -> Shape:
         """Return the best shape of the last part."""
         return self.parts[-1].shape
+
+    @property
+    def by_name(self) -> dict[str, np.ndarray]:
+        """Return the values of each part."""
+        return {part.name: a for part, a in zip(self.parts, split(self.parts, self.amounts))}
+
+
+def split(parts: Sequence[Candidate], amounts: np.ndarray) -> list[np.ndarray]:
+    """Return values (p,) of several parts by part."""
+    return np.split(np.asarray(amounts), np.cumsum([part.columns.shape[1] for part in parts])[:-1])
 
 
 def screened(
@@ -107,64 +108,15 @@ def whitened(covariance: Covariance, candidates: Sequence[Candidate]) -> list[np
     return [W[:, a:b] for a, b in zip(ends, ends[1:])]
 
 
-@dataclass(frozen=True, eq=False)
-class White:
-    """A residual and the columns of some parts, whitened; compressed to fewer rows, or not."""
-
-    r: np.ndarray  # (k,)
-    columns: Sequence[np.ndarray]  # (k, p) of each part
-    log_density: float  # of the residual
-
-    @classmethod
-    def under(cls, covariance: Covariance, residual: np.ndarray, parts: Sequence[Candidate]) -> White:
-        """Return residual (n,) and parts under a covariance."""
-        white = covariance.whiten(_beside(residual, parts))
-        return cls.of(white, parts, covariance.log_density_of_white(white[:, 0]))
-
-    @classmethod
-    def with_draws(
-        cls,
-        covariance: Covariance,
-        residual: np.ndarray,
-        parts: Sequence[Candidate],
-        more: Sequence[Draws],
-        sizes: np.ndarray,
-    ) -> list[White]:
-        """Return the same under the covariance with further draws, at each of some sizes of these (see `compressed`)."""
-        return [
-            cls.of(white, parts, covariance.log_density_of_white(white[:, 0], log_det))
-            for white, log_det in compressed(covariance, _beside(residual, parts), more, sizes)
-        ]
-
-    @classmethod
-    def of(cls, white: np.ndarray, parts: Sequence[Candidate], log_density: float) -> White:
-        """Return the columns (k, 1 + p), the residual first, as the parts have them."""
-        ends = np.cumsum([1, *(part.columns.shape[1] for part in parts)])
-        return cls(white[:, 0], [white[:, a:b] for a, b in zip(ends, ends[1:])], log_density)
-
-    def log_evidence(self, parts: Sequence[Candidate]) -> float:
-        """Return the log density of the residual with parts of unknown values, or with none."""
-        return self.log_density + (judged_by(self.r, parts, self.columns).log_bayes_factor if parts else 0.0)
+def judged_under(covariance: Covariance, residual: np.ndarray, parts: Sequence[Candidate]) -> Screened:
+    """Return the parts judged by a residual (n,) under a covariance."""
+    return judged_by(covariance.whiten(residual), parts, whitened(covariance, parts))
 
 
-def _beside(residual: np.ndarray, parts: Sequence[Candidate]) -> np.ndarray:
-    return np.column_stack([residual, *(part.columns for part in parts)])
-
-
-def with_model_error(judged: Screened, exact: White, erring: White) -> Screened:
-    """Return a screened answer judged again with the errors of its own change: with its parts whitened without and with.
-
-    At its best shape and scale; the others are taken to follow.
-    """
-    again = judged_by(erring.r, judged.parts, erring.columns)
-    more = again.log_bayes_factor + erring.log_density - exact.log_density - judged.best_log_bayes_factor
-    return replace(
-        again,
-        log_bayes_factor=judged.log_bayes_factor + more,
-        best_log_bayes_factor=judged.best_log_bayes_factor + more,
-        snr=float(np.linalg.norm(np.column_stack(exact.columns) @ again.amounts)),
-        plausible_snr=judged.plausible_snr,
-    )
+def log_evidence(covariance: Covariance, residual: np.ndarray, parts: Sequence[Candidate]) -> float:
+    """Return the log density of a residual (n,) with parts of unknown values, or with none."""
+    gained = judged_under(covariance, residual, parts).log_bayes_factor if parts else 0.0
+    return covariance.log_density(residual) + gained
 
 
 def judged_by(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:

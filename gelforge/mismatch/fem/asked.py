@@ -7,17 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.config import ConfigError, Study
+from gelforge.config import ConfigError
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import Variation
-from gelforge.mismatch.evidence.places import FirstOrderAt
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Effect, Shape
 from gelforge.mismatch.model.images_of_presses import carried, carried_derivative, numbers_at_image
-from gelforge.mismatch.model.solver_effects import FirstOrder
+from gelforge.mismatch.model.places import FirstOrder
+from gelforge.mismatch.thresholds import REACH_MM
 
-REACH_MM = 7.0  # a defect whose middle is farther is not observable: a ball of 1.3 mm changes Fz by 0.6 %
 ALWAYS_SHOWN = ("base", "law ", "unloading ")
 
 
@@ -41,8 +40,8 @@ class Asked:
 
     def keys_of(self, number: int) -> list[str]:
         """Return the keys of the effect at one of its shapes, one per value."""
-        values = range(len(self.effect.parameters))
-        return [key_of(self.effect, number if len(self.shape) else None, which) for which in values]
+        assert isinstance(self.effect.to_forces, FirstOrder)
+        return self.effect.to_forces.keys(number)
 
 
 def asked_of(
@@ -52,12 +51,8 @@ def asked_of(
 
     at: the indentation there; None: everywhere.
     """
-    coarse, laws = solver.coarse, dict(solver.laws)
-    seen_up = (context.observations.table["phase"] == "unload").any()
     for effect in effects:
-        if not isinstance(effect.to_forces, (FirstOrder, FirstOrderAt)):
-            continue
-        if effect.unloading and not seen_up:
+        if not isinstance(effect.to_forces, FirstOrder):
             continue
         shapes = effect.shapes(context)
         for number, shape in enumerate(shapes):
@@ -65,38 +60,27 @@ def asked_of(
                 continue
             for which in range(len(effect.parameters)):
                 try:
-                    variation = _variation(solver, coarse, laws, effect, shape, which)
+                    variation = _variation(solver, effect, shape, which)
                 except ConfigError:  # this sensor does not have what the effect is about
                     continue
                 yield Asked(effect, shapes, number, which, variation)
 
 
-def _variation(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, which: int) -> Variation:
-    """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError."""
-    assert effect.to_study is not None  # its forces are first order in the solver's derivatives
-    parameter, one = effect.parameters[which], np.eye(len(effect.parameters))[which]
-    amount = 1.0 if effect.binary else effect.step * parameter.width * (parameter.sign or 1)
-    varied = solver.seen(effect.to_study(coarse, shape, tuple(amount * one)))
-    alone = effect.mesh_changes or effect.binary or effect.history or effect.unloading
-    instead = _across(solver, coarse, laws, effect, shape, one) if effect.across else None
-    return Variation(varied, laws, amount, alone, instead=instead)
+def _variation(solver: Solver, effect: Effect, shape: Shape, which: int) -> Variation:
+    """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError.
 
-
-def _across(solver: Solver, coarse: Study, laws, effect: Effect, shape: Shape, one: np.ndarray) -> Variation:
-    """Return the difference of a move to either side of the base: wide enough that ripples from node to node cancel."""
-    assert effect.to_study is not None and effect.across is not None  # _variation has asked
-    amount = effect.across(coarse)
-    there = solver.seen(effect.to_study(coarse, shape, tuple(amount * one)))
-    back = solver.seen(effect.to_study(coarse, shape, tuple(-amount * one)))
-    return Variation(there, laws, 2 * amount, alone=True, without=back)
-
-
-def key_of(effect: Effect, shape: int | None, parameter: int) -> str:
-    """Return the name of a derivative: effect[.parameter][@shape]."""
-    name = (
-        effect.name if len(effect.parameters) == 1 else f"{effect.name}.{effect.parameters[parameter].name}"
-    )
-    return name if shape is None else f"{name}@{shape}"
+    Of some its place is taken by a difference to either side of the base, wide enough that ripples from node to node cancel.
+    """
+    coarse, laws, to_study = solver.coarse, dict(solver.laws), effect.to_study
+    assert to_study is not None  # its forces are first order in the solver's derivatives
+    step, instead = effect.unit_step(which, effect.step), None
+    if effect.across:
+        wide = effect.across(coarse) * np.eye(len(step))[which]
+        there, back = (solver.seen(to_study(coarse, shape, tuple(side * wide))) for side in (1, -1))
+        instead = Variation(there, laws, 2 * wide[which], alone=True, without=back)
+    varied = solver.seen(to_study(coarse, shape, step))
+    alone = effect.mesh_changes or effect.binary or effect.history
+    return Variation(varied, laws, step[which], alone, instead=instead)
 
 
 def observed_by(asked: Sequence[Asked], planned: PlannedCell) -> dict[str, Variation]:
@@ -125,11 +109,8 @@ def carried_derivatives(
         if name not in numbers:
             numbers[name] = numbers_at_image(one.shapes, symmetry, width_mm)
         keys = one.keys_of(numbers[name][one.number])
-        reasons = [image[f"reason {key}"] for key in keys if f"reason {key}" in image]
-        if reasons:
+        if reasons := [image[f"reason {key}"] for key in keys if f"reason {key}" in image]:
             own[f"reason {one.key}"] = reasons[0]
-            continue
-        derivative = carried_derivative(image, symmetry, one.effect, keys, one.which)
-        if derivative is not None:
-            own[one.key] = derivative
+        elif (along := carried_derivative(image, symmetry, one.effect, keys, one.which)) is not None:
+            own[one.key] = along
     return own

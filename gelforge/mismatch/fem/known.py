@@ -65,11 +65,12 @@ def _as_read(base: Base, sensor: np.ndarray) -> Base:
     def read(curves: Curves) -> Curves:
         return replace(curves, values=tuple(values @ sensor.T for values in curves.values))
 
+    own = base.context
     context = replace(
-        base.context,
-        curves=read(base.context.curves),
-        derivatives={name: read(curves) for name, curves in base.context.derivatives.items()},
-        at_readings={name: values @ sensor.T for name, values in base.context.at_readings.items()},
+        own,
+        curves=read(own.curves),
+        derivatives={name: read(curves) for name, curves in own.derivatives.items()},
+        at_readings={name: values @ sensor.T for name, values in own.at_readings.items()},
     )
     law, floor = np.einsum("ij,rjq->riq", sensor, base.law), np.sqrt(base.floor**2 @ (sensor**2).T)
     return replace(base, context=context, law=law, floor=floor, sensor=sensor)

@@ -30,7 +30,7 @@ ZERO_BY = (
 )  # depth zero is found for every indentation, or once: a tilt is then seen differently
 
 
-NOTHING = Cell({"total_force_N": np.empty((0, 3)), "bin_force_N": np.empty((0, 0, 3))}, {})
+NOTHING = Cell({"total_force_N": np.empty((0, 3))}, {})
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,7 @@
 """Solutions by the finite elements that a verdict needs, each kept by the digest of all that decides it.
 
 A solution is of one place: a loading on the study's own mesh (`fine`); on a coarser mesh a loading with derivatives and
-unloading from its depths (`follow`), a path in time (`timed`), or one path after another on a sensor that remembers
-(`solved_in_order`).
+unloading from its depths (`follow`), or paths in time, one after another on a sensor that remembers (`in_time`).
 Kept are forces in the sensor's axes; those returned are in the axes of the force sensor (`Solver.axes`).
 """
 
@@ -38,7 +37,6 @@ from gelforge.indentation.solving.simulate import (
     Solution,
     simulate_cell,
     simulate_in_order,
-    simulate_trajectory,
     solved_cell,
 )
 from gelforge.indentation.solving.unloading import unloaded
@@ -139,10 +137,10 @@ def fine(task: tuple[Solver, PlannedCell]) -> np.ndarray | Unsolved:
     """Return the base forces (D, 3) of a loading on the study's own mesh, or from where on there are none."""
     solver, planned = task
     study = unmirrored(solver.study)
-    name = digest(["fine", inputs_digest(study, dict(solver.laws), planned)])
-    kept = found_before(solver, name)
-    if kept is None:
-        kept = keep(solver, name, _way_down_of(simulate_cell(study, dict(solver.laws), planned)))
+    laws = dict(solver.laws)
+    content = ["fine", inputs_digest(study, laws, planned)]
+    kept = once(solver, content, lambda: _way_down_of(simulate_cell(study, laws, planned)))
+    assert not isinstance(kept, str)
     return kept["total"] @ solver.axes(study) if "total" in kept else _unsolved(planned, OWN_MESH, kept)
 
 
@@ -278,20 +276,19 @@ def each_derivative(
     """
     beside = {key: variation for key, variation in asked.items() if not variation.alone}
     along: dict[str, Derivative | str] = {}
+
     try:
         base, solved = derivatives(study, laws, planned, beside, solution)
         along |= solved
     except (NotConverged, ConfigError):  # one that fails must not take the others with it
-        base = derivatives(study, laws, planned, {}, solution)[0]
-        for key, variation in beside.items():
+        base, solved = derivatives(study, laws, planned, {}, solution)[0], {}
+    for key, one in asked.items():
+        if key not in solved:
             try:
-                along[key] = derivatives(study, laws, planned, {"": variation}, solution)[1][""]
-            except (NotConverged, ConfigError) as failure:
-                along[key] = str(failure)
-    for key, variation in asked.items():
-        if variation.alone:
-            try:
-                along[key] = subtracted(base, laws, planned, variation)
+                if one.alone:
+                    along[key] = subtracted(base, laws, planned, one)
+                else:
+                    along[key] = derivatives(study, laws, planned, {key: one}, solution)[1][key]
             except (NotConverged, ConfigError) as failure:
                 along[key] = str(failure)
     return base, along
@@ -315,38 +312,35 @@ def _unsolved(planned: PlannedCell, mesh: str, kept: Mapping[str, np.ndarray]) -
     return Unsolved(planned.x_mm, planned.y_mm, mesh, str(kept["reason"]), float(kept["beyond_mm"]))
 
 
-def timed(task: tuple[Solver, Trajectory]) -> np.ndarray | str:
-    """Return the forces (D, 3) along a path in time on the coarser mesh, or why there are none."""
-    solver, path = task
-    study, laws = solver.coarse, dict(solver.laws)
-    planned = PlannedCell("", path.x_mm, path.y_mm, path.depths_mm, phases=path.phases)
-    name = digest(["timed", inputs_digest(study, laws, planned), path.times_s])
-    kept = found_before(solver, name)
-    if kept is None:
-        by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
-        cell = simulate_trajectory(study.sensor, study.indenter, study.mechanics, by_layer, path)
-        if not cell.converged:
-            return str(cell.attributes["reason"])
-        kept = keep(solver, name, {"total": cell.arrays["total_force_N"]})
-    return kept["total"] @ solver.axes(study)
-
-
-def solved_in_order(solver: Solver, paths: Sequence[Trajectory]) -> list[np.ndarray | str]:
-    """The same, one path after another on a sensor that remembers."""
+def in_time(task: tuple[Solver, Sequence[Trajectory]]) -> list[np.ndarray] | str:
+    """Return the forces (D, 3) along paths in time on the coarser mesh, one after another, or why there are none."""
+    solver, paths = task
     study, laws = solver.coarse, dict(solver.laws)
     first = PlannedCell("", paths[0].x_mm, paths[0].y_mm, paths[0].depths_mm, phases=paths[0].phases)
     all_paths = [[p.x_mm, p.y_mm, p.depths_mm, p.times_s] for p in paths]
-    name = digest(["in order", inputs_digest(study, laws, first), all_paths])
-    kept = found_before(solver, name)
-    if kept is None:
+
+    def solve() -> dict[str, np.ndarray] | str:
         by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
-        found = []
+        totals: dict[str, np.ndarray] = {}
         for cell, _ in simulate_in_order(study.sensor, study.indenter, study.mechanics, by_layer, paths):
             if not cell.converged:
-                return [str(cell.attributes["reason"])]
-            found.append(cell.arrays["total_force_N"])
-        kept = keep(solver, name, {f"{k:06d}": total for k, total in enumerate(found)})
-    return [kept[key] @ solver.axes(study) for key in sorted(kept)]
+                return str(cell.attributes["reason"])
+            totals[f"{len(totals):06d}"] = cell.arrays["total_force_N"]
+        return totals
+
+    kept = once(solver, ["in order", inputs_digest(study, laws, first), all_paths], solve)
+    return kept if isinstance(kept, str) else [kept[key] @ solver.axes(study) for key in sorted(kept)]
+
+
+def once(
+    solver: Solver, content: list, solve: Callable[[], dict[str, np.ndarray] | str]
+) -> dict[str, np.ndarray] | str:
+    """Return what is kept under the digest of all that decides it, else what solve gives: kept, but for a reason why not."""
+    name = digest(content)
+    if (kept := found_before(solver, name)) is not None:
+        return kept
+    solved = solve()
+    return solved if isinstance(solved, str) else keep(solver, name, solved)
 
 
 def found_before(solver: Solver, name: str) -> dict[str, np.ndarray] | None:

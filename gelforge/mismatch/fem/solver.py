@@ -28,9 +28,8 @@ from gelforge.mismatch.fem.solutions import (
     Unsolved,
     fine,
     follow,
+    in_time,
     own_cell,
-    solved_in_order,
-    timed,
     unloading_key,
     way_down,
 )
@@ -55,9 +54,7 @@ class Base:
     context: Context
     runs: Runs
     coarse: np.ndarray  # (R, 3) [N] base forces on the coarser mesh
-    loading: (
-        np.ndarray
-    )  # (R, 3) [N] the same, of readings during unloading those of loading at the same depth
+    loading: np.ndarray  # (R, 3) [N] the same, during unloading those of loading at the same depth
     finer: np.ndarray  # (R, 1) by which changes on the coarser mesh are multiplied
     law: np.ndarray  # (R, 3, q) [N] per standard deviation of each uncertain direction of the laws
     floor: np.ndarray  # (R, 3) [N] discretisation error, one standard deviation
@@ -80,30 +77,26 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     curves = Curves(depths, tuple(_base_curves(solver, ways)))
     blank = Context(solver.study, observations, np.zeros_like(observations.force), curves, {}, {})
     asked = list(asked_of(solver, effects, blank))
-    followed = _on_runs(runs, ways, _followed(solver, ways, asked, runs))
-    coarse_by_run = [result["base"] for result in followed]
-    coarse = _as_it_was(remembering, observations, runs.at_readings(coarse_by_run))
-    on_coarse = _loading_curves(runs, depths, coarse_by_run)
-    loading = runs.at_readings([result["loading"] for result in followed])
+    by_way = _followed(solver, ways, asked, runs)
+    on_coarse = Curves(depths, tuple(one["base"] for one in by_way))
+    coarse = _as_it_was(remembering, observations, _with_unloading(runs, ways, by_way))
+    loading = _along_runs(runs, ways, on_coarse.values)
     loading = _as_it_was(remembering, observations, loading, unloading=False)
-    correction = blank.on_readings(curves) - blank.on_readings(on_coarse)
-    force = coarse + correction
+    force = coarse + (blank.on_readings(curves) - blank.on_readings(on_coarse))
     finer = _share(force, coarse)
     of_loading = finer * _share(coarse, loading)
     finer_along = [_share(values, own) for values, own in zip(curves.values, on_coarse.values)]
     failed: dict[str, str] = {}
     at_readings, along = {}, {}
     for key in [one.key for one in asked]:
-        missing = [str(r[f"reason {key}"]) for r in followed if f"reason {key}" in r]
-        if missing:
+        if missing := [str(one[f"reason {key}"]) for one in by_way if f"reason {key}" in one]:
             failed[key] = missing[0]
             continue
-        by_run = [r[key] if key in r else np.zeros_like(r["base"]) for r in followed]
-        at_readings[key] = of_loading * runs.at_readings(by_run)
-        down = _loading_curves(runs, depths, by_run)
-        along[key] = Curves(depths, tuple(f * own for f, own in zip(finer_along, down.values)))
-    laws = [key for key in followed[0] if key.startswith("law ")]
-    law = [of_loading * runs.at_readings([r[key] for r in followed]) for key in laws]
+        down = [one.get(key, np.zeros_like(one["base"])) for one in by_way]
+        at_readings[key] = of_loading * _along_runs(runs, ways, down)
+        along[key] = Curves(depths, tuple(f * own for f, own in zip(finer_along, down)))
+    laws = [key for key in by_way[0] if key.startswith("law ")]
+    law = [of_loading * _along_runs(runs, ways, [one[key] for one in by_way]) for key in laws]
     context = Context(remembering.study, observations, force, curves, along, at_readings)
     stacked = np.stack(law, axis=-1) if law else np.zeros((*force.shape, 0))
     companion = _companion_curves(solver, ways, curves.values) or on_coarse.values
@@ -177,19 +170,19 @@ def _followed(
     return [carried_derivatives(*one, asked, width) for one in zip(at_images, symmetries)]
 
 
-def _on_runs(runs: Runs, ways: Sequence[PlannedCell], by_way: Sequence[dict]) -> list[dict]:
-    """Return what loadings (`_followed`) say of each run: `base`, and the rest at the same depths of its site's loading.
+def _along_runs(runs: Runs, ways: Sequence[PlannedCell], values: Sequence[np.ndarray]) -> np.ndarray:
+    """Return what loadings say (D, 3) at the readings (R, 3): at the same depths of its site's loading."""
+    steps = [np.searchsorted(ways[k].depths_mm, run.depths_mm) for run, k in zip(runs.planned, _way_of(runs))]
+    return runs.at_readings([values[k][step] for k, step in zip(_way_of(runs), steps)])
 
-    `loading`: the forces of the loading at these depths.
-    """
+
+def _with_unloading(runs: Runs, ways: Sequence[PlannedCell], by_way: Sequence[dict]) -> np.ndarray:
+    """Return the forces of loadings (`_followed`) at the readings (R, 3), unloading as it was solved."""
     found = []
-    for run, way in zip(runs.planned, _way_of(runs)):
-        step = np.searchsorted(ways[way].depths_mm, run.depths_mm)  # its depths are all among them
-        all_along = {k: v for k, v in by_way[way].items() if not k.startswith("unloading ")}
-        own = {k: v if k.startswith("reason ") else v[step] for k, v in all_along.items()}
-        base = by_way[way].get(unloading_key(run), own["base"])
-        found.append(own | {"base": base, "loading": own["base"]})
-    return found
+    for run, k in zip(runs.planned, _way_of(runs)):
+        step = np.searchsorted(ways[k].depths_mm, run.depths_mm)  # its depths are all among them
+        found.append(by_way[k].get(unloading_key(run), by_way[k]["base"][step]))
+    return runs.at_readings(found)
 
 
 def _base(found: list) -> list:
@@ -327,14 +320,9 @@ def _solved_with(solver: Solver, study: Study, observations: Observations, unloa
     if not _feels_circumstances(study):
         return _coarse_forces(solver, study, observations, unloading)
     for _, rows in table.groupby(stands, dropna=False).indices.items():
-        own = {
-            name: float(table[name].iloc[rows[0]])
-            for name in stands
-            if np.isfinite(table[name].iloc[rows[0]])
-        }
-        chosen = np.zeros(len(table), bool)
-        chosen[rows] = True
-        there = with_keys(study, material={"circumstances": own})
+        chosen = np.isin(np.arange(len(table)), rows)
+        stated = table.loc[chosen, stands].iloc[0].dropna().astype(float).to_dict()
+        there = with_keys(study, material={"circumstances": stated})
         force[chosen] = _coarse_forces(solver, there, observations.chosen(chosen), unloading)
     return force
 
@@ -349,31 +337,21 @@ def _coarse_forces(solver: Solver, study: Study, observations: Observations, unl
             followed = _followed(own, ways, runs=runs if unloading else None)
         except SolverFailed as failure:
             raise NotConverged("; ".join(one.reason for one in failure.presses)) from None
-        return runs.at_readings([run["base"] for run in _on_runs(runs, ways, followed)])
+        return _with_unloading(runs, ways, followed)
     paths = timed_runs_of(observations, history.timing.step_mm, history.softens)
     if history.softens:
-        return paths.at_readings(_solved([*solved_in_order(own, paths.trajectories)]))
+        return paths.at_readings(_solved([in_time((own, paths.trajectories))])[0])
     found, symmetries = solved_for_all(
-        study, paths.trajectories, lambda distinct: _solved(own.each(timed, [(own, p) for p in distinct]))
+        study, paths.trajectories, lambda distinct: _solved(own.each(in_time, [(own, [p]) for p in distinct]))
     )
-    return paths.at_readings([carried(total, symmetry) for total, symmetry in zip(found, symmetries)])
+    return paths.at_readings([carried(total, symmetry) for (total,), symmetry in zip(found, symmetries)])
 
 
-def _solved(found: list[np.ndarray | str]) -> list[np.ndarray]:
-    forces = []
-    for result in found:
-        if isinstance(result, str):
-            raise NotConverged(result)
-        forces.append(result)
-    return forces
-
-
-def _deepest_runs(runs: Runs) -> list[int]:
-    """Return per site, by its number, the run that goes through all its depths."""
-    first: dict[int, int] = {}
-    for number, site in enumerate(runs.site):
-        first.setdefault(int(site), number)
-    return [first[site] for site in sorted(first)]
+def _solved(found: list) -> list:
+    """Return solutions as they are. Raises NotConverged where one of them is a reason why there are none."""
+    if reasons := [one for one in found if isinstance(one, str)]:
+        raise NotConverged(reasons[0])
+    return found
 
 
 def _way_of(runs: Runs) -> np.ndarray:
@@ -382,15 +360,6 @@ def _way_of(runs: Runs) -> np.ndarray:
 
 
 def _ways_down(runs: Runs) -> list[PlannedCell]:
-    """Return per site its loading through all depths."""
-    return [way_down(runs.planned[number]) for number in _deepest_runs(runs)]
-
-
-def _loading_curves(runs: Runs, depths, by_run: Sequence[np.ndarray]) -> Curves:
-    """Return a quantity along the runs as curves over the depths of each site's loading."""
-    values = []
-    for own, number in zip(depths, _deepest_runs(runs), strict=True):
-        way = np.array(runs.planned[number].depths_mm)[: len(own)]
-        order = np.searchsorted(way, own).clip(0, len(way) - 1)
-        values.append(by_run[number][order])
-    return Curves(depths, tuple(values))
+    """Return per site, by its number, its loading through all depths."""
+    _, first = np.unique(runs.site, return_index=True)
+    return [way_down(runs.planned[number]) for number in first]

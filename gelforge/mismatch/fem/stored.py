@@ -26,7 +26,6 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 FORMAT = "gelforge-sensitivities-1"
 REMEDY = "solve it again (`gelforge sensitivities`, or snakemake -R on the file)"
 DEPTH_MATCH_MM = 1e-6
-MANTISSA = 12  # bits of a float32's 23 that are kept: 1e-4 of a number
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ def write_stored(
 ) -> None:
     """Write the derivatives found at a place, whole or not at all.
 
-    base: total_force_N (D, 3) and bin_force_N (D, B, 3); found: by key, or the reason why there is none; asked: by key, the
+    base: total_force_N (D, 3); found: by key, or the reason why there is none; asked: by key, the
     variation and what it is about in words (effect, parameter, unit, shape).
     """
     known = {key: one for key, one in found.items() if not isinstance(one, str)}
@@ -95,22 +94,12 @@ def write_stored(
         arrays = {
             "depth_mm": ("mm", np.array(planned.depths_mm)),
             "total_force_N": ("N", base["total_force_N"]),
-            "bin_force_N": ("N", shortened(base["bin_force_N"])),
             "slope_total": ("N/unit", np.array([one.total for one in known.values()])),
-            "slope_bin": ("N/unit", shortened(np.array([one.bins for one in known.values()]))),
         }
         for name, (unit, values) in arrays.items():
             large = {"compression": "gzip", "shuffle": True} if values.size > 4096 else {}
             file.create_dataset(name, data=values, **large).attrs["units"] = unit
     write_timings(path, {"seconds": seconds})
-
-
-def shortened(values: np.ndarray) -> np.ndarray:
-    """Return numbers as float32 of fewer digits (MANTISSA bits), rounded to nearest, which compress better."""
-    bits = np.ascontiguousarray(values, np.float32).view(np.uint32)
-    drop = 23 - MANTISSA
-    half = np.uint32((1 << (drop - 1)) - 1) + ((bits >> np.uint32(drop)) & np.uint32(1))
-    return ((bits + half) & ~np.uint32((1 << drop) - 1)).view(np.float32)
 
 
 def read_stored(path: Path, place: str) -> Stored | None:

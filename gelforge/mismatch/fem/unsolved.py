@@ -15,8 +15,8 @@ from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.model.images_of_presses import image_of
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import DEPTH_DIGITS
+from gelforge.mismatch.thresholds import FEWEST
 
-FEWEST = 0.5  # of the readings; where fewer can be followed the study does not describe what was pressed
 SLACK_MM = 0.5 * 10.0**-DEPTH_DIGITS
 
 

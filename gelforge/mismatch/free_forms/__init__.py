@@ -36,10 +36,8 @@ def changes_of(context: Context) -> list[Candidate]:
 
 def modules_of(context: Context, changes: Sequence[Candidate]) -> tuple[Module, ...]:
     """Return the modules that these readings may show; changes: as of `changes_of`."""
-    return tuple(
-        module
-        for form in FREE_FORMS.values()
-        for module in form.modules(
-            context, [one for one in changes if one.name in {effect.name for effect in form.derivatives}]
-        )
-    )
+    modules = []
+    for form in FREE_FORMS.values():
+        names = {effect.name for effect in form.derivatives}
+        modules.append(form.module(context, [one for one in changes if one.name in names]))
+    return tuple(module for module in modules if module is not None)

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import block_diag
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.force_hysteresis import largest_so_far, play
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.module import AXES, FreeForm, Module, blocks
+from gelforge.mismatch.terms.module import AXES, FreeForm, Module
 
 BANDS = (0.25, 1.0, 4.0)  # of a plausible hysteresis, half a band's share of the largest force
 OF_PEAK = (1.0, 2.0)  # powers of the largest force so far over the largest of all
@@ -25,10 +26,10 @@ COUNT = len(BANDS) + len(OF_PEAK) * len(OF_RETURN)
 PEAKS, LEFT = (0.25, 0.5, 1.0), (0.25, 0.5, 0.75)
 
 
-def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return the openings by axis; none without readings during unloading, where alone they show."""
     if not (context.observations.table["phase"] == "unload").any():
-        return []
+        return None
     width = CATALOGUE["force_hysteresis"].parameters[0].width
     openings, flat = _openings(context, width), context.observations.flat
     directions = [
@@ -37,22 +38,20 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
     peak, left = (grid.ravel() for grid in np.meshgrid(PEAKS, LEFT, indexing="ij"))
     own = _of_map(peak, left, width)
     at = pd.DataFrame({"largest_force_share": peak, "left_share": left})
-    return [
-        Module(
-            words="a lag of the force sensor",
-            directions=np.column_stack(directions),
-            name="force_hysteresis",
-            says="the force sensor reads differently during unloading",
-            map=pd.concat([at.assign(quantity=f"opening of {axis}") for axis in AXES], ignore_index=True),
-            basis=blocks([own] * 3),
-            unit="of the largest force",
-            of_labels=False,  # it is the sensor's, not the gel's
-            where=lambda row: (
-                f"at {row['left_share']:.0%} of a largest force of {row['largest_force_share']:.0%}"
-            ),
-            form_of=("force_hysteresis",),
-        )
-    ]
+    return Module(
+        words="a lag of the force sensor",
+        directions=np.column_stack(directions),
+        name="force_hysteresis",
+        says="the force sensor reads differently during unloading",
+        map=pd.concat([at.assign(quantity=f"opening of {axis}") for axis in AXES], ignore_index=True),
+        basis=block_diag(*[own] * 3),
+        unit="of the largest force",
+        of_labels=False,  # it is the sensor's, not the gel's
+        where=lambda row: (
+            f"at {row['left_share']:.0%} of a largest force of {row['largest_force_share']:.0%}"
+        ),
+        form_of=("force_hysteresis",),
+    )
 
 
 def _openings(context: Context, width: float) -> np.ndarray:
@@ -76,4 +75,4 @@ def _of_map(peak: np.ndarray, left: np.ndarray, width: float) -> np.ndarray:
     return np.column_stack(found) / np.sqrt(COUNT)
 
 
-FREE_FORM = FreeForm("force_hysteresis", modules)
+FREE_FORM = FreeForm("force_hysteresis", module)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import block_diag
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import Candidate
@@ -14,7 +15,6 @@ from gelforge.mismatch.terms.module import (
     AXES,
     FreeForm,
     Module,
-    blocks,
     near,
     plane_modes,
     several_places,
@@ -22,14 +22,14 @@ from gelforge.mismatch.terms.module import (
 )
 
 
-def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return the map; none of one place. It is never a claim.
 
     A moved grid, or layers of other thickness, do the same: a gain that depends on the place is none.
     """
     table, force = context.observations.table, context.force
     if not several_places(table):
-        return []
+        return None
     at, rows = sites(table)
     plane = plane_modes(table)
     directions, basis, maps = [], [], []
@@ -41,20 +41,18 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
             directions.append(context.observations.flat(change))
             basis.append(own[rows])
             maps.append(at.assign(quantity=f"gain {AXES[i]}" if i == j else f"{AXES[i]} of {AXES[j]}"))
-    return [
-        Module(
-            words="what the force sensor reads from place to place",
-            directions=np.column_stack(directions),
-            name="force_map",
-            says="the force sensor's gain and cross-talk depend on where it is loaded",
-            map=pd.concat(maps, ignore_index=True),
-            basis=blocks(basis),
-            unit="1",
-            of_labels=False,
-            where=near,
-            named=False,
-        )
-    ]
+    return Module(
+        words="what the force sensor reads from place to place",
+        directions=np.column_stack(directions),
+        name="force_map",
+        says="the force sensor's gain and cross-talk depend on where it is loaded",
+        map=pd.concat(maps, ignore_index=True),
+        basis=block_diag(*basis),
+        unit="1",
+        of_labels=False,
+        where=near,
+        named=False,
+    )
 
 
-FREE_FORM = FreeForm("force_map", modules)
+FREE_FORM = FreeForm("force_map", module)

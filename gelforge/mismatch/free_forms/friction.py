@@ -2,26 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
 from gelforge.config import Study, changed_study
+from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.friction_terms import REFERENCES, TERM, WIDTH, with_terms
+from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.places import FirstOrder
 from gelforge.mismatch.terms.module import FreeForm, Module
 
 MOST = 2.0  # coefficient of friction that a study can have
 AT = (0.1, 0.3, 1.0, 3.0, 10.0)  # of the study's reference pressure: pressures of the map
+# Of the study's reference pressure: the lowest one makes a power of most pressures, the highest a straight line.
+REFERENCES = (0.1, 1.0, 10.0)
+WIDTH = 0.2  # of each exponent: together as wide as that of Hertzian asperities, 1/3 (Schallamach 1952)
 
 
-def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+def shapes(study: Study) -> list[Shape]:
+    """Return the reference pressures [MPa] of the factors (1 + p / reference)^-exponent."""
+    own = study.mechanics.effects.contact.reference_pressure_MPa
+    return [{"reference_pressure_MPa": share * own} for share in REFERENCES]
+
+
+def with_terms(study: Study, exponents: Mapping[float, float]) -> Study:
+    """Return the study with more of some exponents by reference pressure [MPa]."""
+    terms = [term.model_dump() for term in study.mechanics.effects.contact.pressure_terms]
+    more = [{"reference_pressure_MPa": p, "exponent": float(n)} for p, n in exponents.items() if n]
+    return with_keys(study, contact={"pressure_terms": [*terms, *more]})
+
+
+def _to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+    (n,) = amounts
+    return with_terms(study, {float(shape["reference_pressure_MPa"]): float(n)}) if n else study
+
+
+TERM = Effect(
+    name="friction_term",
+    family="contact",
+    parameters=(Parameter("exponent", "1", WIDTH, (-0.99, 0.99), "width: see WIDTH; bounds: the study's"),),
+    to_study=_to_study,
+    to_forces=FirstOrder("friction_term", scanned=shapes),
+    shapes=lambda context: shapes(context.study),
+    applies=lambda study: study.mechanics.friction > 0,
+)
+
+
+def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return the change of the coefficient over the pressure; changes: by the exponent at each reference pressure."""
     if len(changes) < len(REFERENCES) or "friction" not in context.derivatives:
-        return []
+        return None
     (excess,) = CATALOGUE["friction"].parameters
     references = [float(one.shape["reference_pressure_MPa"]) for one in changes]
     alike = excess.width * context.observations.flat(context.derivative("friction"))
@@ -29,21 +63,19 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
     own = _share(context.study, pressures)
     falls = -WIDTH * context.study.mechanics.friction * np.log1p(pressures[:, None] / np.array(references))
     basis = own[:, None] * np.column_stack([np.full(len(AT), excess.width), falls])
-    return [
-        Module(
-            words="friction at other pressures",
-            directions=np.column_stack([alike, *(WIDTH * one.columns[:, 0] for one in changes)]),
-            name="friction",
-            says="friction depends differently on the contact pressure",
-            map=pd.DataFrame({"quantity": "coefficient of friction", "pressure_MPa": pressures}),
-            basis=basis,
-            unit="1",
-            of_labels=True,
-            where=lambda row: f"at {1e3 * row['pressure_MPa']:.3g} kPa",
-            form_of=("friction", "friction_law", "frictionless"),
-            to_study=lambda study, change: _with_friction(study, references, basis, change),
-        )
-    ]
+    return Module(
+        words="friction at other pressures",
+        directions=np.column_stack([alike, *(WIDTH * one.columns[:, 0] for one in changes)]),
+        name="friction",
+        says="friction depends differently on the contact pressure",
+        map=pd.DataFrame({"quantity": "coefficient of friction", "pressure_MPa": pressures}),
+        basis=basis,
+        unit="1",
+        of_labels=True,
+        where=lambda row: f"at {1e3 * row['pressure_MPa']:.3g} kPa",
+        form_of=("friction", "friction_law", "frictionless"),
+        to_study=lambda study, change: _with_friction(study, references, basis, change),
+    )
 
 
 def _share(study: Study, pressures: np.ndarray) -> np.ndarray:
@@ -64,4 +96,4 @@ def _with_friction(study: Study, references: Sequence[float], basis: np.ndarray,
     return with_terms(study, {p: np.clip(WIDTH * n, -most, most) for p, n in zip(references, exponents)})
 
 
-FREE_FORM = FreeForm("friction", modules, derivatives=(TERM,))
+FREE_FORM = FreeForm("friction", module, derivatives=(TERM,))

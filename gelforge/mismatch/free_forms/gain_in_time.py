@@ -6,21 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import block_diag
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.module import AXES, FreeForm, Module, blocks
+from gelforge.mismatch.terms.module import AXES, FreeForm, Module
 from gelforge.mismatch.terms.unknown import MODES, of_each
 
 OWN = 0.5  # of what all axes' gains share, by which each departs from it: wiring and amplifier are common (judgement)
 
 
-def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return the gain by axis and press; none where each session has one press."""
     table = context.observations.table
     if not any(len(rows["order"].unique()) > 1 for _, rows in table.groupby("session")):
-        return []
+        return None
     width = CATALOGUE["force_gain"].parameters[0].width
     time = width * of_each(table["session"].to_numpy(), table["order"].to_numpy(float), MODES["time"])
     presses = table.drop_duplicates("press")
@@ -28,22 +29,20 @@ def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
     own = [flat(shared * OWN * (np.arange(3) == k)[None, :, None]) for k in range(3)]
     at = presses[["session", "order", "time_s"]].reset_index(drop=True)
     basis = time[presses.index]
-    return [
-        Module(
-            words="the force sensor's gain over the session's time",
-            directions=np.column_stack([flat(shared), *own]),
-            name="gain_in_time",
-            says="the force sensor's gain, or the stiffness of all layers (forces alone do not distinguish them), changes"
-            " over the session",
-            map=pd.concat([at.assign(quantity=f"gain {axis}") for axis in AXES], ignore_index=True),
-            basis=np.column_stack([np.tile(basis, (3, 1)), OWN * blocks([basis] * 3)]),
-            unit="1",
-            of_labels=False,
-            where=lambda row: f"{row['time_s']:.4g} s into {row['session']}",
-            form_of=("force_gain",),
-            instead="all forces in proportion over the session's time",
-        )
-    ]
+    return Module(
+        words="the force sensor's gain over the session's time",
+        directions=np.column_stack([flat(shared), *own]),
+        name="gain_in_time",
+        says="the force sensor's gain, or the stiffness of all layers (forces alone do not distinguish them), changes"
+        " over the session",
+        map=pd.concat([at.assign(quantity=f"gain {axis}") for axis in AXES], ignore_index=True),
+        basis=np.column_stack([np.tile(basis, (3, 1)), OWN * block_diag(*[basis] * 3)]),
+        unit="1",
+        of_labels=False,
+        where=lambda row: f"{row['time_s']:.4g} s into {row['session']}",
+        form_of=("force_gain",),
+        replaces="all forces in proportion over the session's time",
+    )
 
 
-FREE_FORM = FreeForm("gain_in_time", modules)
+FREE_FORM = FreeForm("gain_in_time", module)

@@ -20,27 +20,25 @@ from gelforge.mismatch.terms.unknown import modes, product
 LEAST_FACTOR = 0.05  # of a box's modulus in a patched study: the linear map knows no bound at none
 
 
-def modules(context: Context, boxes: Sequence[Candidate]) -> list[Module]:
+def module(context: Context, boxes: Sequence[Candidate]) -> Module | None:
     """Return the map, of linear changes by the modulus of boxes; each box's relative change by itself is WIDTH."""
     if not boxes:
-        return []
+        return None
     at = pd.DataFrame([dict(box.shape) for box in boxes])
     basis = WIDTH * product(plane_modes(at), modes(at["z_mm"].to_numpy(float), LEVELS))
-    return [
-        Module(
-            words="the body's modulus from place to place",
-            directions=np.column_stack([box.columns for box in boxes]) @ basis,
-            name="modulus_map",
-            says="the body's modulus differs from place to place",
-            map=at.assign(quantity="modulus"),
-            basis=basis,
-            unit="1",
-            of_labels=True,
-            where=_where,
-            form_of=("gel_stiffness", "skin_stiffness", "body_stiffness"),
-            to_study=lambda study, change: _with_modulus(study, at, change),
-        )
-    ]
+    return Module(
+        words="the body's modulus from place to place",
+        directions=np.column_stack([box.columns for box in boxes]) @ basis,
+        name="modulus_map",
+        says="the body's modulus differs from place to place",
+        map=at.assign(quantity="modulus"),
+        basis=basis,
+        unit="1",
+        of_labels=True,
+        where=_where,
+        form_of=("gel_stiffness", "skin_stiffness", "body_stiffness"),
+        to_study=lambda study, change: _with_modulus(study, at, change),
+    )
 
 
 def _where(row: Mapping[str, Any]) -> str:
@@ -58,4 +56,4 @@ def _with_modulus(study: Study, at: pd.DataFrame, change: np.ndarray) -> Study:
     return with_keys(unmirrored(study), geometry={"patches": [*others, *own]})
 
 
-FREE_FORM = FreeForm("modulus_map", modules, derivatives=(BOX,))
+FREE_FORM = FreeForm("modulus_map", module, derivatives=(BOX,))

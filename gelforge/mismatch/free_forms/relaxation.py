@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import block_diag
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
@@ -13,23 +14,23 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.viscoelastic import STIFFNESS, overstress, shapes
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.module import FreeForm, Module, blocks
+from gelforge.mismatch.terms.module import FreeForm, Module
 from gelforge.mismatch.terms.unknown import modes
 
 COSINES = 5  # over the logarithm of the time
 LEAST = 1e-4  # relative modulus of a branch in a patched study, below which there is none
 
 
-def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return spectra of the layers under the skin and of the skin; none where all was read at first touch."""
     effect, phases = CATALOGUE["viscoelastic"], context.observations.table["phase"]
     if not effect.applies(context.study) or not phases.isin(["dwell", "unload"]).any():
-        return []
+        return None
     times: dict[str, list[float]] = {}
     for shape in shapes(context):
         if STIFFNESS[str(shape["part"])] in context.derivatives:
             times.setdefault(str(shape["part"]), []).append(float(shape["time_s"]))
-    return [_spectra(context, {part: np.array(own) for part, own in times.items()})] if times else []
+    return _spectra(context, {part: np.array(own) for part, own in times.items()}) if times else None
 
 
 def _spectra(context: Context, times: Mapping[str, np.ndarray]) -> Module:
@@ -48,13 +49,12 @@ def _spectra(context: Context, times: Mapping[str, np.ndarray]) -> Module:
         name="relaxation",
         says="the layers relax with a spectrum of times",
         map=pd.concat(maps, ignore_index=True),
-        basis=blocks(basis),
+        basis=block_diag(*basis),
         unit="1",
         of_labels=False,  # it depends on the time of a press, which labels by place and depth do not have
         where=lambda row: f"of what relaxes in {row['relaxation_time_s']:.3g} s",
         form_of=("viscoelastic",),
         to_study=lambda study, moduli: _with_branches(study, times, moduli),
-        history=True,
     )
 
 
@@ -71,4 +71,4 @@ def _with_branches(study: Study, times: Mapping[str, np.ndarray], moduli: np.nda
     return with_keys(study, history={"viscoelastic": branches}) if branches else study
 
 
-FREE_FORM = FreeForm("relaxation", modules)
+FREE_FORM = FreeForm("relaxation", module)

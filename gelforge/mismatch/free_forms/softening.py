@@ -23,33 +23,31 @@ REACHES = (0.3, 1.0, 3.0)  # of how far an indentation's energy reaches beyond i
 AT = (0.25, 0.5, 0.75, 1.0)  # of the map
 
 
-def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return the lost share; none where nothing that remembers could show, or where the gel's stiffness was not solved."""
     effect = CATALOGUE["mullins"]
     if not effect.applies(context.study) or "gel_stiffness" not in context.derivatives:
-        return []
+        return None
     (loss,) = effect.parameters
     stiffness, lost = context.derivative("gel_stiffness"), lost_shares(context)
     if not np.any(lost):
-        return []
+        return None
     width = loss.width / np.sqrt(len(OF_PEAK) * len(REACHES))
     flat = context.observations.flat
     peak, gone = (grid.ravel() for grid in np.meshgrid(AT, AT, indexing="ij"))
     powers = np.column_stack([peak**a * gone**b for a in OF_PEAK for b in OF_RETURN])
-    return [
-        Module(
-            words="what the gel has lost by its largest energy so far",
-            directions=-width * flat(stiffness[:, :, None] * lost[:, None, :]),
-            name="softening",
-            says="the gel has lost stiffness where it was strained more before",
-            map=pd.DataFrame({"quantity": "lost share", "peak": peak, "gone": gone}),
-            basis=width * np.tile(powers, len(REACHES)),
-            unit="1",
-            of_labels=False,  # it depends on what was pressed before
-            where=lambda row: f"where {row['gone']:.0%} of {row['peak']:.0%} of the largest energy are gone",
-            form_of=("mullins",),
-        )
-    ]
+    return Module(
+        words="what the gel has lost by its largest energy so far",
+        directions=-width * flat(stiffness[:, :, None] * lost[:, None, :]),
+        name="softening",
+        says="the gel has lost stiffness where it was strained more before",
+        map=pd.DataFrame({"quantity": "lost share", "peak": peak, "gone": gone}),
+        basis=width * np.tile(powers, len(REACHES)),
+        unit="1",
+        of_labels=False,  # it depends on what was pressed before
+        where=lambda row: f"where {row['gone']:.0%} of {row['peak']:.0%} of the largest energy are gone",
+        form_of=("mullins",),
+    )
 
 
 def lost_shares(context: Context) -> np.ndarray:
@@ -71,4 +69,4 @@ def lost_shares(context: Context) -> np.ndarray:
     return found.reshape(len(table), -1)
 
 
-FREE_FORM = FreeForm("softening", modules)
+FREE_FORM = FreeForm("softening", module)

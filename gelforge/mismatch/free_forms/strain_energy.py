@@ -8,41 +8,77 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Study
+from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.energy_terms import TERM, TERMS, WIDTH, with_terms
+from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.places import FirstOrder
+from gelforge.mismatch.model.solver_effects import has_none_of
 from gelforge.mismatch.terms.module import FreeForm, Module
 
 AT = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)  # I1 - 3 of the map: stretches of 1.1 to 1.5
+TERMS = ("c2", "c3")
+WIDTH = 0.5  # of each: the stress per strain at I1 - 3 = 0.5, a stretch of 1.4, differs by half (judgement)
 
 
-def modules(context: Context, changes: Sequence[Candidate]) -> list[Module]:
+def shapes(study: Study) -> list[Shape]:
+    """Return the terms of the layers under the skin, and of the skin."""
+    parts = ["gel", "skin"] if len(study.sensor.layers) > 1 else ["gel"]
+    return [{"part": part, "term": term} for part in parts for term in TERMS]
+
+
+def with_terms(study: Study, part: str, terms: dict[str, float]) -> Study:
+    """Return the study with more of some terms in a part."""
+    present = study.mechanics.effects.material.energy_correction
+    names = gel_layers(study) if part == "gel" else [skin_layer(study)]
+    now = {
+        name: present[name].model_dump() if name in present else dict.fromkeys(TERMS, 0.0) for name in names
+    }
+    more = {name: {term: now[name][term] + float(terms.get(term, 0.0)) for term in TERMS} for name in names}
+    return with_keys(study, material={"energy_correction": more})
+
+
+def _to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+    (a,) = amounts
+    return with_terms(study, str(shape["part"]), {str(shape["term"]): float(a)}) if a else study
+
+
+TERM = Effect(
+    name="energy_term",
+    family="material",
+    parameters=(Parameter("coefficient", "1", WIDTH, (-5.0, 5.0), "width and bounds: judgement"),),
+    to_study=_to_study,
+    to_forces=FirstOrder("energy_term", scanned=shapes),
+    shapes=lambda context: shapes(context.study),
+    applies=lambda study: has_none_of("material.linear_law")(study) and study.mechanics.strain == "finite",
+)
+
+
+def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return the change of dW/dI1 over that of the undeformed state, by part; changes: by each term."""
     parts = list(dict.fromkeys(str(one.shape["part"]) for one in changes))
     by_term = {(str(one.shape["part"]), str(one.shape["term"])): one.columns[:, 0] for one in changes}
     if not parts or len(by_term) < len(parts) * len(TERMS):
-        return []
+        return None
     keys = [(part, term) for part in parts for term in TERMS]
     maps, basis = [], []
     for part in parts:
         maps.append(pd.DataFrame({"quantity": f"{part}'s dW/dI1", "I1_less_3": AT}))
         basis.append([[_slope(x, term) if own == part else 0.0 for own, term in keys] for x in AT])
     basis_of_terms = np.concatenate([np.array(rows) for rows in basis])
-    return [
-        Module(
-            words="the strain energy at larger strain",
-            directions=WIDTH * np.column_stack([by_term[key] for key in keys]),
-            name="strain_energy",
-            says="the layers stiffen differently at large strain than their constitutive models",
-            map=pd.concat(maps, ignore_index=True),
-            basis=WIDTH * basis_of_terms,
-            unit="1",
-            of_labels=True,
-            where=lambda row: f"at I1 - 3 = {row['I1_less_3']:g}",
-            form_of=("law_exponent", "linear_elasticity"),
-            to_study=lambda study, map_: _with_energy(study, parts, keys, basis_of_terms, map_),
-        )
-    ]
+    return Module(
+        words="the strain energy at larger strain",
+        directions=WIDTH * np.column_stack([by_term[key] for key in keys]),
+        name="strain_energy",
+        says="the layers stiffen differently at large strain than their constitutive models",
+        map=pd.concat(maps, ignore_index=True),
+        basis=WIDTH * basis_of_terms,
+        unit="1",
+        of_labels=True,
+        where=lambda row: f"at I1 - 3 = {row['I1_less_3']:g}",
+        form_of=("law_exponent", "linear_elasticity"),
+        to_study=lambda study, map_: _with_energy(study, parts, keys, basis_of_terms, map_),
+    )
 
 
 def _slope(x: float, term: str) -> float:
@@ -60,4 +96,4 @@ def _with_energy(
     return study
 
 
-FREE_FORM = FreeForm("strain_energy", modules, derivatives=(TERM,))
+FREE_FORM = FreeForm("strain_energy", module, derivatives=(TERM,))

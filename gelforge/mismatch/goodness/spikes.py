@@ -83,7 +83,7 @@ def _with_room(problem: Problem) -> Covariance:
     # a reading that falls into the next step is no spike: as if each were rounded by itself, too
     covariance = problem.covariance.scattering(rounding**2)
     kernels = kernels_of(problem)
-    kernels.sort(key=lambda kernel: kernel.each is None)  # those of each indentation before what all share
+    kernels.sort(key=lambda kernel: kernel.groups is None)  # those of each indentation before what all share
     for kernel in kernels:
         covariance = kernel.beside(covariance, ROOM)
     return covariance

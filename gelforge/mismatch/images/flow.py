@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,7 @@ from gelforge.mismatch.effects import CATALOGUE, with_dependencies
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import Base
-from gelforge.mismatch.images.flow_covariance import flow_covariance
+from gelforge.mismatch.images.flow_covariance import Rows, flow_covariance
 from gelforge.mismatch.images.flow_images import (
     REGIONS,
     CameraView,
@@ -29,7 +30,6 @@ from gelforge.mismatch.images.flow_images import (
     shows_gel,
 )
 from gelforge.mismatch.images.flow_model import FlowModel, FlowUnknown, flow_model
-from gelforge.mismatch.images.flow_rows import Rows
 from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.inference.proof import Proof
 from gelforge.mismatch.model.effect import Effect
@@ -42,6 +42,7 @@ from gelforge.virtual_lab.particles import VirtualLabError
 # Of the study's sizes, the mesh on which changes of the flow are solved: on one twice as coarse, as forces have it, they are
 # 14 % off and call for effects that are not there; on this one 5 % (benchmarks/flow_changes.py).
 COARSER = 1.25
+PRESS_FIELDS = ("press_depth_mm", "session_depth_mm", "came_along")  # of observations: an indentation's own
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +65,8 @@ def with_flow(solver: Solver, base: Base, problem: Problem, sessions: Sequence[P
     finer = study.mismatch.model_copy(update={"coarser": min(COARSER, study.mismatch.coarser)})
     solver = replace(solver, study=study.model_copy(update={"mismatch": finer}))
     seen = seen_flows(sessions, problem.observations, study.sensor)
-    if not seen:
-        return _saying(problem, "images were not used: no session has a camera and images in its dwell rows")
-    reason = _unfit(study, seen)
-    if reason:
-        return _saying(problem, f"images were not used: {reason}")
+    if reason := _unfit(study, seen):
+        return _without(problem, reason)
     seen = [replace(press, eye=_as_known(study, press.eye)) for press in seen]
     particles = likely_particles(study.sensor, study.seed)
     effects = {name: e for name, e in CATALOGUE.items() if e.to_camera is not None and e.applies(study)}
@@ -77,16 +75,19 @@ def with_flow(solver: Solver, base: Base, problem: Problem, sessions: Sequence[P
     try:
         model = flow_model(solver, base, seen, asked, particles)
     except SolverFailed as failure:
-        return _saying(problem, f"images were not used: {failure}")
+        return _without(problem, str(failure))
     return _joined(problem, model, dict(problem.effects) | effects)
 
 
 def _unfit(study: Study, seen: Sequence[FlowObservation]) -> str:
+    """Return why images cannot be used, in words; none where they can."""
+    if not seen:
+        return "no session has a camera and images in its dwell rows"
     if study.sensor.shape.kind != "block" or study.mechanics.mesh.elements == "tetrahedra":
         return "the motion of particles is known on hexahedra, in a block, only"
     if not any(layer.particle_volume_fraction > 0 for layer in study.sensor.layers):
         return "no layer of the study carries particles (particle_volume_fraction)"
-    if any(CATALOGUE[known.effect].to_places is not None for known in study.mismatch.known):
+    if any("misregistration" in CATALOGUE[known.effect].depends_on for known in study.mismatch.known):
         return "indentations that are known to land off their positions (mismatch.known) are not followed in images"
     if any(not np.isfinite(press.noise).all() for press in seen):
         return "one image per indentation and none at zero force: their noise is not known"
@@ -104,12 +105,12 @@ def _as_known(study: Study, eye: CameraView) -> CameraView:
     return replace(eye, camera=camera)
 
 
-def _saying(problem: Problem, sentence: str) -> Problem:
-    return replace(problem, observations=problem.observations.saying(sentence))
+def _without(problem: Problem, reason: str) -> Problem:
+    return replace(problem, observations=problem.observations.saying(f"images were not used: {reason}"))
 
 
 def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -> Problem:
-    base, shown = model.drawn.mean(axis=1), np.stack([shows_gel(p.eye, model.particles) for p in model.seen])
+    base, shown = model.drawn.mean(axis=1), np.stack([shows_gel(eye, model.particles) for eye in model.eyes])
     observations = _observations(problem.observations, model.seen, shown)
     labels = observations.labels()
     rows = Rows(observations, len(problem.labels), shown)
@@ -124,12 +125,9 @@ def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -
         base=joint,
         covariance=flow_covariance(problem, model, rows, labels),
         candidates=candidates,
-        effects={
-            name: effect for name, effect in effects.items() if name in known or name in problem.effects
-        },
+        effects={name: e for name, e in effects.items() if name in known or name in problem.effects},
         forces_with=_Both(channel, rows, {}, effects),
         read_with=None,
-        with_map=None,
         failed=failed,
         flow=channel,
     )
@@ -148,24 +146,18 @@ def _observations(forces: Observations, seen: Sequence[FlowObservation], shown: 
     noise = np.concatenate([press.noise / np.sqrt(press.images) for press in seen])
     nothing, depth = np.full(len(table), np.nan), forces.table["depth_mm"]
     numbers = np.array([int(press.row.name) for press in seen]).repeat(m)
-    return replace(
-        forces,
-        table=pd.concat(
-            [forces.table.assign(channel="force", region=-1, errs_over=depth / depth.max()), table],
-            ignore_index=True,
-        ),
-        force=np.concatenate([forces.force, np.column_stack([flow, nothing])]),
-        noise_N=np.concatenate([forces.noise_N, np.column_stack([noise, nothing])]),
-        zero_N=np.concatenate([forces.zero_N, np.zeros((len(table), 3))]),
-        press_depth_mm=np.concatenate([forces.press_depth_mm, forces.press_depth_mm[numbers]]),
-        session_depth_mm=np.concatenate([forces.session_depth_mm, forces.session_depth_mm[numbers]]),
-        rounding_N=np.concatenate([forces.rounding_N, np.zeros((len(table), 3))]),
-        drift_N=np.concatenate([forces.drift_N, np.zeros((len(table), 3))]),
-        trend_N=np.concatenate([forces.trend_N, np.zeros((len(table), 3))]),
-        came_along=np.concatenate([forces.came_along, forces.came_along[numbers]]),
-        repeats=np.concatenate([forces.repeats, np.full(len(table), np.inf)]),
-        tails=np.concatenate([forces.tails, np.ones(len(table))]),
-    )
+    of_force = forces.table.assign(channel="force", region=-1, errs_over=depth / depth.max())
+
+    def joined(name: str, flow: np.ndarray) -> np.ndarray:
+        return np.concatenate([getattr(forces, name), flow])
+
+    more: dict[str, np.ndarray]
+    more = {name: np.zeros((len(table), 3)) for name in ("zero_N", "rounding_N", "drift_N", "trend_N")}
+    more |= {name: getattr(forces, name)[numbers] for name in PRESS_FIELDS}
+    more |= {"force": np.column_stack([flow, nothing]), "noise_N": np.column_stack([noise, nothing])}
+    more |= {"repeats": np.full(len(table), np.inf), "tails": np.ones(len(table))}
+    arrays: dict[str, Any] = {name: joined(name, own) for name, own in more.items()}
+    return replace(forces, table=pd.concat([of_force, table], ignore_index=True), **arrays)
 
 
 def _candidates(
@@ -196,8 +188,7 @@ def _candidates(
             continue
         if np.any(change):
             columns = np.concatenate([np.zeros((rows.entries, change.shape[1])), change])
-            signs = np.array([p.sign for p in effect.parameters])
-            found.append(Candidate(name, {}, columns, effect.prior_sd, signs, effect.binary))
+            found.append(Candidate(name, {}, columns, effect.prior_sd, effect.signs, effect.binary))
     return found
 
 
@@ -242,11 +233,11 @@ class _Both:
                 continue
             if effect.to_camera is not None:
                 cameras.append((effect, a))
-            elif effect.to_study is None or effect.history or effect.mesh_changes or effect.unloading:
+            elif effect.to_study is None or effect.history or effect.mesh_changes or effect.by_formula:
                 linear.append((part, a))
             else:
                 studied.append((part, a))
-        more: Sequence[np.ndarray | None] = [None] * len(model.seen)
+        more: Sequence[np.ndarray | float] = [0.0] * len(model.seen)
         if studied:
             try:
                 more = model.solved([(self.effects[part.name], part.shape, a) for part, a in studied])
@@ -255,8 +246,8 @@ class _Both:
         change = np.zeros(self.channel.base.shape)
         for part, a in linear:
             change[self.rows.shown] += (part.columns[self.rows.entries :] @ a).reshape(-1, 2)
-        if cameras or any(du is not None for du in more):
-            change += model.change(more, [model.seen_by(press, cameras) for press in model.seen])
+        if cameras or any(np.any(du) for du in more):
+            change += model.change(more, model.seen_by(cameras))
         return change
 
 

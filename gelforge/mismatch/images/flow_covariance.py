@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import uniform_filter
 
 from gelforge.mismatch.evidence.covariance import Covariance, Draws, estimated_noise
 from gelforge.mismatch.fem.base_bars import PART
 from gelforge.mismatch.images.flow_images import REGIONS
 from gelforge.mismatch.images.flow_model import LOOKS, OTHER_BLUR_PX, OTHER_DIAMETER, FlowModel
-from gelforge.mismatch.images.flow_rows import Rows
+from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.terms.problem import Problem
 
 # Of the flow of a region: what drawing leaves out of a real image (glare, particles that are no balls, distortion).
@@ -23,87 +22,95 @@ OTHER_HEIGHTS = 0.3
 LEAST_PX = 0.005  # an 8-bit image holds no smaller mean motion
 
 
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Where the flow stands among the readings and the entries."""
+
+    observations: Observations
+    entries: int  # of force
+    shown: np.ndarray  # (F, m) bool
+
+    def flat(self, flow: np.ndarray) -> np.ndarray:
+        """Return the entries of a quantity (F, m, 2, ...): regions that show the gel, u and v in turn."""
+        return flow[self.shown].reshape(-1, *flow.shape[3:])
+
+    def as_readings(self, flow: np.ndarray) -> np.ndarray:
+        """Return the rows (F m, 3) of a flow (F, m, 2), nothing in the place of Fz."""
+        rows = np.where(self.shown[..., None], flow, np.nan).reshape(-1, 2)
+        return np.column_stack([rows, np.full(len(rows), np.nan)])
+
+
 @dataclass(frozen=True)
 class Scatter:
     """How far one placement of particles, as the real ones are, is off the mean over placements: standard deviations.
 
     Where the particles of a region are near the camera, or at the side that moves more, it shows the same share too much of
-    the flow in all images; what is left stays from one indentation to the next of a site, but for what lies elsewhere in
-    the moved image.
+    the flow in all images; what is left differs from site to site, and there is one indentation at each.
     """
 
     alike: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
     beside: float  # correlation of these shares between neighbours, taken for that of what is left too
     own: np.ndarray  # (F, m, 2) [px] what is left
-    kept: float  # correlation of that between indentations of a site; 0 where there is one alone
 
 
-def flow_covariance(
-    problem: Problem,
-    model: FlowModel,
-    rows: Rows,
-    labels: pd.DataFrame,
-) -> Covariance:
+def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.DataFrame) -> Covariance:
     """Return the covariance of both channels.
 
-    Of the flow: independent its images' noise and what drawing leaves out; per site and direction the reference frame's
-    noise and where the particles of every region are (`Scatter`), neighbours alike in part; shared by all their share of the
-    flow in all images, the contact point of an indentation with images, in force and flow alike, the laws' directions, the
-    discretisation, at which heights the particles are that are seen, and two other looks of the particles.
+    Of the flow: independent its images' noise, what drawing leaves out and where the particles of every region are
+    (`Scatter`); per site and direction the reference frame's noise, neighbours alike in part; shared by all their share of
+    the flow in all images, the contact point of an indentation with images, in force and flow alike, the laws' directions,
+    the discretisation, at which heights the particles are that are seen, and two other looks of the particles.
     """
     forces = problem.covariance
     *depth, press, alike, common = forces.levels
-    n, seen = rows.entries, model.seen
-    noise = np.stack([p.noise for p in seen])
-    images = np.array([p.images for p in seen])[:, None, None]
-    drawn = model.drawn
-    base = drawn.mean(axis=1)
-    site = np.array([int(press.row["site"]) for press in model.seen])
-    scatter = scatter_of(drawn, site, np.all(rows.shown, axis=0))
-    variance = (
-        noise**2 / images
-        + (1 - scatter.kept) * scatter.own**2
-        + (DRAWN_SHARE * _smoothed(base**2) ** 0.5) ** 2
-        + LEAST_PX**2
-    )
-    own = labels.iloc[n:]
-    seen_at = own.groupby(["site", "axis"]).ngroup().to_numpy()
-    root = neighbours(scatter.beside)[own["region"].to_numpy(int)]
-    placed = root * rows.flat(np.sqrt(scatter.kept * scatter.own**2 + noise**2))[:, None]
+    n, noise = rows.entries, np.stack([p.noise for p in model.seen])
+    images = np.array([p.images for p in model.seen])[:, None, None]
+    base = model.drawn.mean(axis=1)
+    scatter = scatter_of(model.drawn, np.all(rows.shown, axis=0))
+    variance = noise**2 / images + scatter.own**2 + LEAST_PX**2
+    variance = variance + (DRAWN_SHARE * _smoothed(base**2) ** 0.5) ** 2
+    flow = labels.iloc[n:]
+    f, site_of_force = len(flow), dict(zip(labels["site"].iloc[:n], alike.group))
+    seen_at = flow.groupby(["site", "axis"]).ngroup().to_numpy()
+    root = neighbours(scatter.beside)[flow["region"].to_numpy(int)]
+    placed = root * rows.flat(noise)[:, None]
     by_press, shared_force, shared_flow = _contact_points(problem, model, rows)
-    laws = np.zeros((len(own), common.directions.shape[1]))
+    laws = np.zeros((f, common.directions.shape[1]))
     for k, key in enumerate(sorted_laws(model)):
         laws[:, k] = rows.flat(model.change_along(key))
     laws += shared_flow["session"]
     regions = root * rows.flat(scatter.alike)[:, None]
     flow_alone = np.column_stack([*(rows.flat(change) for change in _doubts(model)), regions])
-    q = flow_alone.shape[1]
-    return Covariance(
-        np.concatenate([forces.variance, rows.flat(variance)]),
-        (
-            *(_of_forces(level, np.arange(len(own))) for level in depth),
-            _of_flow(placed, seen_at, press.group),
-            _of_forces(replace(press, directions=by_press), seen_at),
-            _as_forces(alike, labels["site"].to_numpy()),
-            Draws(
-                np.zeros(len(labels), dtype=int),
-                np.block(
-                    [
-                        [common.directions, shared_force, np.zeros((n, q))],
-                        [laws, shared_flow["press"], flow_alone],
-                    ]
-                ),
-            ),
-        ),
-        estimated_noise(rows.observations),
+    shared = [
+        [common.directions, shared_force, np.zeros((n, flow_alone.shape[1]))],
+        [laws, shared_flow["press"], flow_alone],
+    ]
+
+    def both(group: np.ndarray, force: np.ndarray, own: np.ndarray, flow: np.ndarray) -> Draws:
+        """Return draws of the forces in groups (n,) and, in groups (f,) of their own, of the flow."""
+        apart = np.concatenate([group, group.max() + 1 + own])
+        return Draws(apart, np.vstack([force, flow]))
+
+    def without_flow(level: Draws, own: np.ndarray) -> Draws:
+        return both(level.group, level.directions, own, np.zeros((f, level.directions.shape[1])))
+
+    # The flow lies in its site's group where errors of changes are drawn.
+    joined = np.concatenate([alike.group, [site_of_force[s] for s in flow["site"]]]).astype(int)
+    levels = (
+        *(without_flow(level, np.arange(f)) for level in depth),
+        both(press.group, np.zeros((n, placed.shape[1])), seen_at, placed),
+        without_flow(replace(press, directions=by_press), seen_at),
+        Draws(joined, np.vstack([alike.directions, np.zeros((f, alike.directions.shape[1]))])),
+        Draws(np.zeros(len(labels), dtype=int), np.block(shared)),
     )
+    variances = np.concatenate([forces.variance, rows.flat(variance)])
+    return Covariance(variances, levels, estimated_noise(rows.observations))
 
 
-def scatter_of(drawn: np.ndarray, site: np.ndarray, shown: np.ndarray) -> Scatter:
-    """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements, at indentations of sites (F,) int.
+def scatter_of(drawn: np.ndarray, shown: np.ndarray) -> Scatter:
+    """Return the scatter of drawn flows (F, K, m, 2) [px] over K placements.
 
-    Correlations are those of regions (m,) bool that show the gel. Shares fitted to few indentations take some of what
-    these keep with them.
+    Correlations are those of regions (m,) bool that show the gel.
     """
     K, base = drawn.shape[1], drawn.mean(axis=1, keepdims=True)
     off, size = drawn - base, np.sum(base**2, axis=(0, 3))  # (F, K, m, 2), (1, m)
@@ -111,32 +118,24 @@ def scatter_of(drawn: np.ndarray, site: np.ndarray, shown: np.ndarray) -> Scatte
     own = off - share[None, :, :, None] * base
     freedom = (1 + 1 / K) / (K - 1)  # K placements about their mean, and the real one
     spread = np.sqrt(freedom * np.sum(share**2 * size) / max(np.sum(size), np.finfo(float).tiny))
-    same = [(a, b) for a, b in combinations(range(len(site)), 2) if site[a] == site[b]]
     return Scatter(
         alike=spread * base[:, 0],
         beside=_beside(share, np.where(shown, np.sqrt(size[0]), 0.0)),
         own=np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1))),
-        kept=_correlation([(own[a][:, shown], own[b][:, shown]) for a, b in same]),
     )
 
 
 def _beside(share: np.ndarray, moves: np.ndarray) -> float:
-    """Return the correlation of shares (K, m) between neighbours, weighted by how much both move (m,)."""
+    """Return the correlation of shares (K, m) between neighbours, 0 or more, weighted by how much both move (m,)."""
     grid, weight = share.reshape(-1, REGIONS, REGIONS), np.sqrt(moves.reshape(REGIONS, REGIONS))
     down, across = weight[1:] * weight[:-1], weight[:, 1:] * weight[:, :-1]
-    return _correlation(
-        [
-            (grid[:, 1:] * down, grid[:, :-1] * down),
-            (grid[:, :, 1:] * across, grid[:, :, :-1] * across),
-        ]
-    )
-
-
-def _correlation(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Return the correlation of pairs of quantities of mean 0, at least 0; 0 of none."""
-    products = sum(float(np.sum(a * b)) for a, b in pairs)
-    sizes = np.sqrt(sum(float(np.sum(a**2)) for a, _ in pairs) * sum(float(np.sum(b**2)) for _, b in pairs))
-    return float(np.clip(products / sizes, 0.0, 1.0)) if sizes > 0 else 0.0
+    pairs = [
+        (grid[:, 1:] * down, grid[:, :-1] * down),
+        (grid[:, :, 1:] * across, grid[:, :, :-1] * across),
+    ]
+    one, other = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(np.clip(one @ other / size, 0.0, 1.0)) if size > 0 else 0.0
 
 
 def neighbours(beside: float) -> np.ndarray:
@@ -146,101 +145,54 @@ def neighbours(beside: float) -> np.ndarray:
     return np.kron(root, root)
 
 
-def _of_forces(level: Draws, own: np.ndarray) -> Draws:
-    """Return draws of the forces that the flow has no part in, its entries in groups (f,) int of their own."""
-    group = np.concatenate([level.group, level.group.max() + 1 + own])
-    return replace(level, group=group, directions=_with_nothing(level.directions, len(own)))
-
-
-def _of_flow(directions: np.ndarray, own: np.ndarray, forces: np.ndarray) -> Draws:
-    """Return draws of directions (f, q) [px] for groups (f,) int of the flow; forces, in groups (n,), have no part."""
-    nothing = np.zeros((len(forces), directions.shape[1]))
-    return Draws(np.concatenate([forces, forces.max() + 1 + own]), np.vstack([nothing, directions]))
-
-
-def _as_forces(level: Draws, site: np.ndarray) -> Draws:
-    """Return draws of the forces alone, the flow at sites (n + f,) in their groups, where errors of changes are drawn."""
-    n = len(level.group)
-    group_of = dict(zip(site[:n], level.group))
-    own = np.array([group_of[s] for s in site[n:]], dtype=int)
-    return Draws(np.concatenate([level.group, own]), _with_nothing(level.directions, len(own)))
-
-
-def _with_nothing(directions: np.ndarray, f: int) -> np.ndarray:
-    return np.vstack([directions, np.zeros((f, directions.shape[1]))])
-
-
 def sorted_laws(model: FlowModel) -> list[str]:
     """Return the laws' directions in the order of Base.law."""
-    keys = [key for key in model.moving[0] if key.startswith("law ")]
+    keys = [key for key in model.motions[0].along if key.startswith("law ")]
     return sorted(keys, key=lambda key: (key.rsplit(" ", 1)[0], int(key.rsplit(" ", 1)[1])))
 
 
 def _smoothed(square: np.ndarray) -> np.ndarray:
     """Return a square (F, m, 2) averaged over the 3 x 3 regions around each and both directions."""
-    F = len(square)
-    grid = square.mean(axis=-1).reshape(F, REGIONS, REGIONS)
-    wide = np.pad(grid, ((0, 0), (1, 1), (1, 1)), mode="edge")
-    near = np.zeros(grid.shape)
-    for i in range(3):
-        for j in range(3):
-            near += wide[:, i : i + REGIONS, j : j + REGIONS]
-    near = near / 9
-    return np.repeat(near.reshape(F, -1, 1), 2, axis=-1)
+    grid = square.mean(axis=-1).reshape(len(square), REGIONS, REGIONS)
+    near = uniform_filter(grid, (0, 3, 3), mode="nearest")
+    return np.repeat(near.reshape(len(square), -1, 1), 2, axis=-1)
 
 
 def _contact_points(problem: Problem, model: FlowModel, rows: Rows):
     """Return the forces' directions per indentation without the contact point of those with images; it as shared columns."""
     *_, press, alike, common = problem.covariance.levels
     labels, slope = problem.labels, model.slope()
-    by_press = press.directions.copy()
-    force, flow = [], []
+    by_press, force, flow = press.directions.copy(), [], []
     session = np.zeros((rows.shown.sum() * 2, common.directions.shape[1]))
     last = model.base.law.shape[-1] + alike.directions.shape[1]  # columns of laws and floor come first
     depths = problem.observations.session_depth_mm
-    found = labels.loc[depths[labels["reading"]] > 0, "session"].nunique()  # one column each comes next
+    sessions = labels.loc[depths[labels["reading"]] > 0, "session"].nunique()  # one column each comes next
     for k, seen in enumerate(model.seen):
-        own = (labels["press"] == seen.row["press"]).to_numpy()
+        own, reading = (labels["press"] == seen.row["press"]).to_numpy(), int(seen.row.name)
         alone = np.zeros_like(slope)
         alone[k] = slope[k]
-        if depths[int(seen.row.name)] > 0:
-            columns = np.abs(common.directions[own][:, last : last + found])
-            session[:, last + int(np.argmax(columns.sum(axis=0)))] += depths[int(seen.row.name)] * rows.flat(
-                alone
-            )
-        sd = problem.observations.press_depth_mm[int(seen.row.name)]
-        if sd == 0:
-            continue
-        column = np.where(own, by_press[:, -1], 0.0)
-        by_press[own, -1] = 0.0
-        force.append(column)
-        flow.append(sd * rows.flat(alone))
-    n, f = rows.entries, len(session)
-    return (
-        by_press,
-        np.column_stack(force) if force else np.zeros((n, 0)),
-        {"session": session, "press": np.column_stack(flow) if flow else np.zeros((f, 0))},
-    )
+        if depths[reading] > 0:
+            columns = np.abs(common.directions[own][:, last : last + sessions])
+            session[:, last + int(np.argmax(columns.sum(axis=0)))] += depths[reading] * rows.flat(alone)
+        if sd := problem.observations.press_depth_mm[reading]:
+            force.append(np.where(own, by_press[:, -1], 0.0))
+            flow.append(sd * rows.flat(alone))
+            by_press[own, -1] = 0.0
+    shared = np.reshape(force, (-1, rows.entries)).T, np.reshape(flow, (-1, len(session))).T
+    return by_press, shared[0], {"session": session, "press": shared[1]}
 
 
 def _doubts(model: FlowModel) -> list[np.ndarray]:
     """Return changes of the flow (F, m, 2) by one standard deviation of what is not known: mesh, heights, blur, diameter."""
-    more = []
-    for press in model.seen:
-        site, d = int(press.row["site"]), model.depth(press)
-        more.append(model.coarsely[site][d] - model.evenly[site][d])
     blurred = [
-        replace(
-            p.eye,
-            imaging=p.eye.imaging.model_copy(update={"blur_px": p.eye.imaging.blur_px + OTHER_BLUR_PX}),
-        )
-        for p in model.seen
+        replace(eye, imaging=eye.imaging.model_copy(update={"blur_px": eye.imaging.blur_px + OTHER_BLUR_PX}))
+        for eye in model.eyes
     ]
-    few, eyes = model.particles.first(LOOKS), [p.eye for p in model.seen]
+    few, eyes = model.particles.first(LOOKS), model.eyes
     larger = replace(few, diameter_mm=few.diameter_mm * OTHER_DIAMETER)
     as_they_are = model.by_height(eyes, few)
     return [
-        PART * model.change(more),
+        PART * model.change([one.coarse - one.even for one in model.motions]),
         model.other_heights(OTHER_HEIGHTS),
         (model.by_height(blurred, few) - as_they_are).mean(axis=1),
         (model.by_height(eyes, larger) - as_they_are).mean(axis=1),

@@ -61,6 +61,11 @@ class CameraView:
     crop_px: tuple[int, ...] | None
     imaging: VirtualImaging
 
+    @property
+    def frame(self) -> tuple[int, ...]:
+        """Return left, top, width and height [px] of the image in that of the camera."""
+        return self.crop_px or (0, 0, self.camera.width_px, self.camera.height_px)
+
 
 @dataclass(frozen=True)
 class FlowObservation:
@@ -68,9 +73,7 @@ class FlowObservation:
 
     row: pd.Series  # of the table of observations: the last held reading there
     eye: CameraView
-    flow: (
-        np.ndarray
-    )  # (m, 2) mean over the indentation's images [px], m regions row by row from the top left; u, v
+    flow: np.ndarray  # (m, 2) mean over its images [px], m regions row by row from the top left; u, v
     noise: np.ndarray  # (m, 2) [px] standard deviation of one image's region mean by the images' noise
     images: int
     untouched: np.ndarray  # (H, W) uint8, the session's image at zero force
@@ -145,7 +148,7 @@ def mean_motion_slope(
 
 def _parts_of_regions(eye: CameraView, pixels: np.ndarray, weight: np.ndarray | float = 1.0) -> np.ndarray:
     """Return the weights (Q, m) of points seen at pixels (Q, 2) in each region's mean; they add up to 1 over the points."""
-    left, top, width, height = eye.crop_px or (0, 0, eye.camera.width_px, eye.camera.height_px)
+    left, top, width, height = eye.frame
     u, v = (pixels - [left - 0.5, top - 0.5]).T
     rows, columns = _within(v, height), _within(u, width) * np.reshape(weight, (-1, 1))
     part = (rows[:, :, None] * columns[:, None, :]).reshape(len(pixels), -1)
@@ -160,7 +163,7 @@ def _within(at: np.ndarray, pixels: int, parts: int = REGIONS) -> np.ndarray:
 
 def region_middles(eye: CameraView) -> np.ndarray:
     """Return the middles (m, 2) [px] of the regions in the image as it was taken, row by row from the top left; u, v."""
-    left, top, width, height = eye.crop_px or (0, 0, eye.camera.width_px, eye.camera.height_px)
+    left, top, width, height = eye.frame
     u = left + (np.arange(REGIONS) + 0.5) * width / REGIONS - 0.5
     v = top + (np.arange(REGIONS) + 0.5) * height / REGIONS - 0.5
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -215,7 +218,8 @@ def seen_flows(
     sites = sorted(by_site)
     chosen = [sites[k] for k in spread_out(observations.sites[sites], MOST_SITES, 0)]
     depth = _depth_seen(by_site[chosen[0]]) if depth_mm is None else depth_mm
-    return _with_common_noise([_measured(_nearest(by_site[site], depth)) for site in chosen])
+    nearest = [min(by_site[site], key=lambda one: abs(one.depth_mm - depth)) for site in chosen]
+    return _with_common_noise([_measured(one) for one in nearest])
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,25 +246,19 @@ def _depth_seen(pictured: Sequence[Pictured]) -> float:
     return deepest_first[-1].depth_mm
 
 
-def _nearest(pictured: Sequence[Pictured], depth_mm: float) -> Pictured:
-    return min(pictured, key=lambda one: abs(one.depth_mm - depth_mm))
-
-
 def _with_common_noise(seen: list[FlowObservation]) -> list[FlowObservation]:
     """Return the indentations with the noise of images averaged: each region's over all, that of grey over a session's.
 
     Where a region has no texture the search finds anything.
     """
-    if not seen:
-        return seen
     noise = np.sqrt(np.mean([press.noise**2 for press in seen], axis=0))
     greys = pd.Series([press.eye.imaging.noise_grey for press in seen])
     grey = np.sqrt((greys**2).groupby([press.row["session"] for press in seen]).transform("mean"))
-    return [replace(press, noise=noise, eye=_with_grey(press.eye, g)) for press, g in zip(seen, grey)]
-
-
-def _with_grey(eye: CameraView, noise_grey: float) -> CameraView:
-    return replace(eye, imaging=eye.imaging.model_copy(update={"noise_grey": float(noise_grey)}))
+    found = []
+    for press, noise_grey in zip(seen, grey):
+        imaging = press.eye.imaging.model_copy(update={"noise_grey": float(noise_grey)})
+        found.append(replace(press, noise=noise, eye=replace(press.eye, imaging=imaging)))
+    return found
 
 
 def _measured(one: Pictured) -> FlowObservation:
@@ -329,7 +327,7 @@ def flow_of_warp(
 def motion_field(eye: CameraView, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """Return the mean motion (H, W, 2) float32 [px] of points (Q, 3) [mm] seen near each pixel, moved by (Q, 3) [mm]."""
     camera = pinhole(eye.camera)
-    left, top, width, height = eye.crop_px or (0, 0, camera.width_px, camera.height_px)
+    left, top, width, height = eye.frame
     pixels, _ = project(camera, points)
     motion = project(camera, points + moved)[0] - pixels
     u, v = (pixels - [left - 0.5, top - 0.5]).T
@@ -352,12 +350,11 @@ def pinhole(camera: Camera) -> Camera:
 def shows_gel(eye: CameraView, particles: Particles) -> np.ndarray:
     """Return (m,) bool: the regions in which particles are seen."""
     camera = pinhole(eye.camera)
-    left, top, width, height = eye.crop_px or (0, 0, camera.width_px, camera.height_px)
+    left, top, width, height = eye.frame
     pixels, _ = project(camera, particles.points)
     u, v = (pixels - [left - 0.5, top - 0.5]).T
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
-    number = (v[inside] * REGIONS // height).astype(int) * REGIONS + (u[inside] * REGIONS // width).astype(
-        int
-    )
+    row, column = (at[inside] * REGIONS // pixels for at, pixels in ((v, height), (u, width)))
+    number = row.astype(int) * REGIONS + column.astype(int)
     count = np.bincount(number, minlength=REGIONS**2)
     return count >= max(LEAST_SHARE * float(np.median(count[count > 0])), len(particles.placed))

@@ -14,7 +14,7 @@ from gelforge.mismatch.evidence.alternatives import UNKNOWN
 from gelforge.mismatch.evidence.screen import Screened
 from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.few_sites import at_few_sites
-from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, linearised, through_solutions
+from gelforge.mismatch.inference.fits import by_columns, fitted, forces_of, through_solutions
 from gelforge.mismatch.inference.placing import placed
 from gelforge.mismatch.inference.posterior import CredibleSet, Effects, Posterior, posterior_of
 from gelforge.mismatch.inference.proof import Proof, after_penalty, folds_of, proof_of
@@ -23,19 +23,10 @@ from gelforge.mismatch.terms.holdout import Blocks
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted, refitted
 from gelforge.mismatch.terms.unknown import Kernel
+from gelforge.mismatch.thresholds import WORTH_SOLVING
 from gelforge.progress import stage
 
-WORTH_SOLVING = 0.1  # probability of an effect, below which no effect is solved
-
-
-@dataclass(frozen=True)
-class Group(CredibleSet):
-    """The credible set of an effect of an answer, and how much it matters which of its effects is taken."""
-
-    differs_snr: float = (
-        0.0  # largest difference between the readings that the effects predict, signal over noise
-    )
-    differs_N: float = 0.0  # the same, root mean square over readings [N]
+Group = CredibleSet  # of an effect of an answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +52,8 @@ class Answer:
     def discrepancy_words(self) -> str:
         """Return the kernel that a discrepancy would most probably have, in words."""
         unknown, probability = self.posterior.unknown, self.posterior.probability
-        return unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].kernel
+        shares = unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].shares
+        return max(shares, key=shares.__getitem__)
 
 
 def explained(
@@ -74,7 +66,7 @@ def explained(
 ) -> tuple[Answer | None, list[str]]:
     """Return the answer to a mismatch, None where no effect could be fitted, and what went wrong on the way."""
     if max((posterior.holding([name]) for name in posterior.singles), default=0.0) < WORTH_SOLVING:
-        problem = linearised(problem)
+        problem = problem.linearised()
     elif posterior.holding([UNKNOWN]) >= SURE:
         # Softening explains nothing by itself then: to follow all indentations in order takes minutes and decides nothing.
         problem = problem.with_linear_history()
@@ -123,10 +115,10 @@ def _at_prior_sd(
     has a place goes on to where the real model fits best, unless it was placed before (placing.py): between places that were
     tried its columns are but interpolated.
     """
-    parts = tuple(replace(part, prior_sd=relinearised.own(part).prior_sd) for part in fit.parts)
+    parts = tuple(replace(part, prior_sd=relinearised.tried(part).prior_sd) for part in fit.parts)
     again = replace(start, parts=parts, amounts=np.concatenate(fit.amounts))
     try:
-        if any(part.moved_from is not None and relinearised.own(part).moved_from is None for part in parts):
+        if any(part.moved_from is not None and relinearised.tried(part).moved_from is None for part in parts):
             every = np.ones(len(problem.labels), bool)
             return refitted(
                 replace(relinearised, forces_with=problem.with_linear_history().forces_with),
@@ -150,43 +142,27 @@ def averaged(posterior: Posterior, mode: Effects, fit: Refitted) -> Refitted:
     The values stay those of the fit, which the study takes over. Where a place was fitted nothing is added.
     """
     spread, at = fit.spread.copy(), 0
-    own = posterior.sets[mode]
+    values = {effects: one.by_name for effects, one in posterior.sets.items()}
     for part, amounts in zip(fit.parts, fit.amounts):
-        p, rows = len(amounts), slice(at, at + len(amounts))
-        at += p
-        if part.binary or part.moved_from is not None:
-            continue
-        here = _amounts_in(own, part.name)
-        away, weight = np.zeros((p, p)), 0.0
-        for effects, other in posterior.sets.items():
-            if part.name in effects:
-                chance = posterior.probability[effects]
-                step = _amounts_in(other, part.name) - here
-                away += chance * np.outer(step, step)
-                weight += chance
-        spread[rows, rows] += away / max(weight, np.finfo(float).tiny)
+        rows = slice(at, at + len(amounts))
+        at += len(amounts)
+        if not (part.binary or part.moved_from is not None):
+            others = [effects for effects in posterior.sets if part.name in effects]
+            chance = np.array([posterior.probability[effects] for effects in others])[:, None]
+            steps = np.array([values[one][part.name] - values[mode][part.name] for one in others])
+            spread[rows, rows] += steps.T @ (chance * steps) / max(chance.sum(), np.finfo(float).tiny)
     return replace(fit, spread=spread)
-
-
-def _amounts_in(judged: Screened, name: str) -> np.ndarray:
-    at = 0
-    for part in judged.parts:
-        p = part.columns.shape[1]
-        if part.name == name:
-            return judged.amounts[at : at + p]
-        at += p
-    raise KeyError(name)
 
 
 def groups_of(problem: Problem, posterior: Posterior, fit: Refitted) -> tuple[Group, ...]:
     """Return the credible set of each fitted effect, the most probable first."""
-    effects, found = frozenset(part.name for part in fit.parts), []
+    effects, groups = frozenset(part.name for part in fit.parts), []
     for one in posterior.credible_sets(effects):
         first, *others = one.names
         differs = [_difference(problem, posterior, effects, first, other) for other in others]
-        snr, size = (max(sizes, default=0.0) for sizes in zip(*differs)) if differs else (0.0, 0.0)
-        found.append(Group(**vars(one), differs_snr=snr, differs_N=size))
-    return tuple(found)
+        snr, size = np.max([(0.0, 0.0), *differs], axis=0)
+        groups.append(replace(one, differs_snr=float(snr), differs_N=float(size)))
+    return tuple(groups)
 
 
 def _difference(

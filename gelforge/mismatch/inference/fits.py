@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gelforge.config import ConfigError
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.evidence.screen import Candidate, Screened
+from gelforge.mismatch.evidence.screen import Candidate, Screened, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior
 from gelforge.mismatch.terms.problem import Problem, secant
 from gelforge.mismatch.terms.refit import Refitted, refitted
+from gelforge.mismatch.thresholds import COMPETITOR, CURVED_SNR, MOST_FREE, MOST_SOLUTIONS, MOST_SOLVED
 from gelforge.progress import stage
-
-MOST_SOLVED = 4  # sets that are fitted with the finite elements
-MOST_SOLUTIONS = 3  # of one set
-MOST_FREE = 8  # sets that are fitted and need none
-COMPETITOR = 5.0  # log weight behind the most probable set, within which another one is its competitor
-# Of what the real model changes beside the linear change: below it the linear pass is not made again.
-CURVED_SNR = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +70,10 @@ def _largest_first(
     """
     if len(wanted) == 1:
         return wanted
-    one, at, sizes = posterior.sets[wanted], 0, {}
-    for part in one.parts:
-        ends = at + part.columns.shape[1]
-        sizes[part.name] = float(
-            np.linalg.norm(problem.covariance.whiten(part.columns @ one.amounts[at:ends]))
-        )
-        at = ends
-    alone = frozenset({max(sizes, key=lambda name: sizes[name])})
+    one = posterior.sets[wanted]
+    changes = [part.columns @ a for part, a in zip(one.parts, split(one.parts, one.amounts))]
+    sizes = np.linalg.norm(problem.covariance.whiten(np.column_stack(changes)), axis=0)
+    alone = frozenset({one.parts[int(np.argmax(sizes))].name})
     return wanted if alone in done or alone not in posterior.sets else alone
 
 
@@ -110,30 +100,9 @@ def through_solutions(problem: Problem, relinearised: Problem, start: Screened) 
 
 def by_columns(problem: Problem, start: Screened) -> Refitted:
     """Return a set fitted to all readings by the problem's columns: nothing is solved."""
-    parts = tuple(replace(part, columns=problem.columns_at(part)) for part in start.parts)
+    parts = tuple(problem.at_its_place(part) for part in start.parts)
     every = np.ones(len(problem.labels), bool)
-    return refitted(linearised(problem), replace(start, parts=parts), every)
-
-
-def linearised(problem: Problem) -> Problem:
-    """Return the problem with what is solved changing by its columns; what costs nothing acts as it does."""
-
-    def forces_with(
-        parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray
-    ) -> np.ndarray:
-        solved = [(part, a) for part, a in zip(parts, amounts) if problem.solves(part)]
-        others = [(part, a) for part, a in zip(parts, amounts) if not problem.solves(part)]
-        if not solved:
-            return problem.forces_with(parts, amounts, rows)
-        if problem.read_with is None:
-            solved, others = [*zip(parts, amounts)], []
-        change = problem.linear_change(*zip(*solved))
-        found = problem.base + change
-        if others and problem.read_with is not None:
-            found = problem.read_with([part for part, _ in others], [a for _, a in others], change)
-        return np.where(rows[:, None], found, np.nan)
-
-    return replace(problem, forces_with=forces_with)
+    return refitted(problem.linearised(), replace(start, parts=parts), every)
 
 
 def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
@@ -146,7 +115,7 @@ def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
 
     What has a place changes by the same factor, least squares, at all others.
     """
-    own = [problem.own(part) for part in fit.parts]
+    own = [problem.tried(part) for part in fit.parts]
     columns = np.column_stack([problem.columns_at(part) for part in fit.parts])
     amounts = np.concatenate(fit.amounts)
     linear = columns @ amounts
@@ -154,15 +123,14 @@ def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
     if np.linalg.norm(white[:, 1] - white[:, 0]) < CURVED_SNR or not np.any(white[:, 0]):
         return problem
     prior_sd = np.concatenate([np.broadcast_to(c.prior_sd, c.columns.shape[1]) for c in own])
-    ends = np.cumsum([c.columns.shape[1] for c in own])[:-1]
-    relinearised = np.split(secant(columns, change - linear, amounts, prior_sd), ends, axis=1)
+    relinearised = split(own, secant(columns, change - linear, amounts, prior_sd).T)
     factor = float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
     placed = {c.name for c in own if "x_mm" in c.shape}
 
     def with_it(candidate: Candidate) -> Candidate:
         for part, one, new in zip(fit.parts, own, relinearised):
             if candidate is one and part.moved_from is None:
-                return replace(one, columns=new)
+                return replace(one, columns=new.T)
         return (
             replace(candidate, columns=factor * candidate.columns) if candidate.name in placed else candidate
         )
@@ -197,10 +165,7 @@ def _with_fits(
 
     They would gain as much if they were fitted. Failures are dropped.
     """
-    sets: dict[Effects, Screened] = {
-        effects: first.sets[effects] for effects in fits if effects in first.sets
-    }
-    sets |= posterior.sets
+    sets = {effects: first.sets[effects] for effects in fits if effects in first.sets} | dict(posterior.sets)
     evidence = {effects: one.log_bayes_factor for effects, one in sets.items()} | dict(posterior.evidence)
     gained = {
         first.lines_of(effects): fit.log_bayes_factor - first.evidence[effects]

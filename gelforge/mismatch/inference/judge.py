@@ -9,11 +9,10 @@ import numpy as np
 
 from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN
-from gelforge.mismatch.evidence.identifiability import DETECTED_SNR
 from gelforge.mismatch.evidence.screen import Screened
 from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
 from gelforge.mismatch.inference.answer import Answer, explained
-from gelforge.mismatch.inference.discrepancy import Modelled, modelled, through_solutions
+from gelforge.mismatch.inference.discrepancy import Modelled, modelled
 from gelforge.mismatch.inference.posterior import Posterior, posterior_of
 from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P
 from gelforge.mismatch.terms.holdout import Blocks, split
@@ -21,13 +20,8 @@ from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted
 from gelforge.mismatch.terms.unknown import Kernel, kernels_of
 from gelforge.mismatch.terms.weighing import chance_of_known
+from gelforge.mismatch.thresholds import DETECTED_SNR, LIKELY, MOST_EFFECTS, NOTHING_P
 from gelforge.progress import stage
-
-LIKELY = 0.5
-# Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm.
-# Chi-square and scan are exact: below LEFT_P either is an alarm by itself, in at most 4 of 1,000 recordings by chance.
-NOTHING_P = 0.1
-MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too few
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,22 +50,15 @@ class Judgement:
             raise ValueError(f"a judgement that is {self.state} has no answer")
         return self.answer
 
-    @property
-    def modelled(self) -> Modelled:
-        """The model, of a state that has one. Raises ValueError for another."""
-        if self.model is None:
-            raise ValueError(f"a judgement that is {self.state} has no model")
-        return self.model
 
-
-def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Judgement:
+def judge(problem: Problem, settings: Mismatch, seed: int) -> Judgement:
     """Return the judgement on a problem.
 
     All readings say whether there is a mismatch, where, and what could explain it; the values of the answer by the
     training readings alone predict those held out.
     """
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
-    blocks, every = split(labels, seed, turn), np.ones(len(labels), bool)
+    blocks, every = split(labels, seed), np.ones(len(labels), bool)
     kernels = kernels_of(problem)
     stage("size and place of the mismatch")
     mismatch = residual_tests(problem, problem.residual, every, settings, rng)
@@ -88,12 +75,11 @@ def judge(problem: Problem, settings: Mismatch, seed: int, turn: int = 0) -> Jud
     answer, notes = explained(problem, posterior, kernels, blocks, settings, rng)
     found = posterior if answer is None else answer.posterior
     out = answer is not None and not in_range(problem, answer.fit)
-    model, note = None, ""
+    model = None
     if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
         stage("a model of what no known effect explains")
-        model, note = _modelled(problem, kernels, blocks, None if out else answer, found.causes)
+        model = _modelled(problem, kernels, blocks, None if out else answer, found.causes)
         answer = answer if out else _beside_cause(problem, answer, model)
-    notes += [note] if note else []
     return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
 
 
@@ -110,21 +96,21 @@ def _modelled(
     blocks: Blocks,
     answer: Answer | None,
     chances: Mapping[str, float],
-) -> tuple[Modelled | None, str]:
-    """Return what is modelled with a free form, where it predicts, and what failed: beside the sure effects, if they lead.
+) -> Modelled | None:
+    """Return what is modelled with a free form, where it predicts: beside the sure effects, if they lead.
 
     An effect that changes the readings by less than what is modelled beside it is no form of what is missing; beside a cause
     of its own it is another one. One that is a form of that cause is not beside it. chances: of the kernels.
     """
-    alone = modelled(problem, kernels, blocks, chances=chances)
-    if answer is not None and answer.sure and not _of_one_cause(alone, answer):
+    model = modelled(problem, kernels, blocks, chances=chances)
+    if answer is not None and answer.sure and not _of_one_cause(model, answer):
         left = problem.observations.flat(problem.observations.force - answer.after)
-        found = modelled(problem, kernels, blocks, answer.fit, left, chances)
-        both = problem.covariance.whiten(np.column_stack([found.change, problem.residual - left]))
+        beside = modelled(problem, kernels, blocks, answer.fit, left, chances)
+        both = problem.covariance.whiten(np.column_stack([beside.change, problem.residual - left]))
         more, own = np.linalg.norm(both, axis=0)
-        if more < own or found.sure:
-            return _where_it_predicts(problem, found, blocks, answer.fit, left)
-    return _where_it_predicts(problem, alone, blocks)
+        if more < own or beside.sure:
+            model = beside
+    return model if model.gain.clear else None
 
 
 def _of_one_cause(model: Modelled, answer: Answer) -> bool:
@@ -141,20 +127,6 @@ def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | Non
     observations, after = problem.observations, answer.after.copy()
     after[observations.read] = observations.flat(observations.force) - model.rest - model.change
     return replace(answer, fit=model.fit, after=after)
-
-
-def _where_it_predicts(
-    problem: Problem,
-    found: Modelled,
-    blocks: Blocks,
-    fit: Refitted | None = None,
-    left: np.ndarray | None = None,
-) -> tuple[Modelled | None, str]:
-    """Return a model, solved where it is a sure cause, and what failed; none where it does not predict."""
-    if not found.gain.clear:
-        return None, ""
-    found, note = through_solutions(problem, found, blocks, fit, left) if found.sure else (found, "")
-    return (found if found.gain.clear else None), note
 
 
 def _could_have_seen(singles: Sequence[Screened]) -> bool:

@@ -14,7 +14,8 @@ import numpy as np
 
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidences
-from gelforge.mismatch.evidence.screen import SCALES, Candidate, whitened
+from gelforge.mismatch.evidence.screen import Candidate, whitened
+from gelforge.mismatch.thresholds import SCALES
 
 AT_ONCE = 20_000  # sets of one size
 

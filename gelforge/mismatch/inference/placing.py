@@ -16,9 +16,8 @@ from gelforge.mismatch.evidence.screen import Screened, screened
 from gelforge.mismatch.inference.fits import forces_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import refitted
+from gelforge.mismatch.thresholds import STRONG_SNR
 from gelforge.progress import stage
-
-STRONG_SNR = 10.0  # of a defect's change: below it what lies between places is less than noise
 
 
 def placed(problem: Problem, real: Problem) -> tuple[Problem, str]:
@@ -39,7 +38,7 @@ def placed(problem: Problem, real: Problem) -> tuple[Problem, str]:
     ((part,), (amounts,)) = fit.parts, fit.amounts
     if part.moved_from is None or not np.any(amounts):
         return problem, ""
-    own, (amount,) = problem.own(part), amounts
+    own, (amount,) = problem.tried(part), amounts
     there = replace(part, columns=change[:, None] / amount, prior_sd=own.prior_sd)
     return replace(problem, candidates=[there if one is own else one for one in problem.candidates]), ""
 

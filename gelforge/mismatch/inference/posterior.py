@@ -16,20 +16,15 @@ from functools import cached_property
 import numpy as np
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.alternatives import NOTHING, TEMPERING, UNKNOWN, log_prior, normalised
+from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, log_prior, normalised
 from gelforge.mismatch.evidence.identifiability import indistinguishable
-from gelforge.mismatch.evidence.screen import Screened, judged_by
+from gelforge.mismatch.evidence.screen import Screened, judged_under
 from gelforge.mismatch.inference.linear import Linear, scales_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.unknown import Kernel, Weighed, weighed_unknown
-from gelforge.mismatch.terms.weighing import FELT_SNR, observable_ones, weighed, with_form_errors
+from gelforge.mismatch.terms.weighing import observable_ones, weighed, with_form_errors
+from gelforge.mismatch.thresholds import BEAM, BESIDE, CREDIBLE, FELT_SNR, MOST_WITH_ERROR, REACH, TEMPERING
 from gelforge.progress import Progress
-
-REACH = 12.0  # log weight behind the best, within which a set is judged with the errors of its change
-MOST_BELIEVED = 50
-BEAM = 30  # pairs that a third effect is tried beside
-BESIDE = 6  # best sets beside which a discrepancy is weighed
-CREDIBLE = 0.95  # of an effect's probability, which its credible set holds
 
 Effects = frozenset[str]
 
@@ -43,6 +38,10 @@ class CredibleSet:
     probability: float  # that a member is there
     set_probability: float  # that an effect of the set is there
     shares: Mapping[str, float]  # of each effect in the set; they add up to 1
+    differs_snr: float = (
+        0.0  # largest difference between the readings that its effects predict, signal over noise
+    )
+    differs_N: float = 0.0  # the same, root mean square over readings [N]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -73,9 +72,8 @@ class Posterior:
 
     def weight(self, effects: Effects) -> float:
         """Return the log of prior times tempered evidence, but for a common constant."""
-        return TEMPERING * self.evidence.get(effects, 0.0) + log_prior(
-            len(effects), max(self.known, len(effects))
-        )
+        count = len(effects)
+        return TEMPERING * self.evidence.get(effects, 0.0) + log_prior(count, max(self.known, count))
 
     def ranked(self) -> list[Effects]:
         """Return the known sets, the most probable first."""
@@ -105,17 +103,11 @@ class Posterior:
     def causes(self) -> dict[str, float]:
         """Return the probability of each kernel, in words, or of its cause in the catalogue's form and nothing unknown."""
         forms = self.unknown[NOTHING].forms
+        known = [effects for effects in self.probability if UNKNOWN not in effects]
         return {
-            words: min(
-                p + sum(own for effects, own in self.probability.items() if self._is(effects, forms[words])),
-                1.0,
-            )
+            words: min(p + sum(self.probability[e] for e in known if e & set(forms[words])), 1.0)
             for words, p in self.kernels.items()
         }
-
-    @staticmethod
-    def _is(effects: Effects, forms: Iterable[str]) -> bool:
-        return UNKNOWN not in effects and bool(effects & set(forms))
 
     def lines_of(self, effects: Effects) -> frozenset[Effects]:
         """Return the lines of a set's effects."""
@@ -154,16 +146,11 @@ class Posterior:
             shares={one: own / total for one, own in chance.items()},
         )
 
-    def with_evidence(self, evidence: Mapping[Effects, float]) -> Posterior:
-        """Return the posterior with other evidence for some sets."""
-        return replace(self, evidence={**self.evidence, **evidence})
-
 
 def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
     """Return the posterior by all readings."""
-    every = np.ones(len(problem.labels), bool)
     with Progress("linear pass over sets of effects, steps", 4) as progress:
-        singles = {one.name: one for one in observable_ones(weighed(problem, every, problem.candidates))}
+        singles = {one.name: one for one in observable_ones(weighed(problem))}
         progress.advance(note="single effects")
         linear = Linear.of(problem.residual, problem.covariance, problem.candidates)
         tables, number, scale = set_tables(linear)
@@ -189,7 +176,7 @@ def with_unknown(problem: Problem, posterior: Posterior, kernels: Sequence[Kerne
         effects | {UNKNOWN}: posterior.evidence.get(effects, 0.0) + found.log_bayes_factor
         for effects, found in unknown.items()
     }
-    return replace(posterior, unknown=unknown).with_evidence(more)
+    return replace(posterior, unknown=unknown, evidence={**posterior.evidence, **more})
 
 
 def set_tables(linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
@@ -257,28 +244,22 @@ def _with_error(
     problem: Problem, number: np.ndarray, scale: np.ndarray, tables: list, known: int
 ) -> dict[Effects, Screened]:
     """Return the sets within REACH of the best, and their parts, judged with errors of their changes."""
-    covariance, every = problem.covariance, np.ones(len(problem.labels), bool)
-    r = covariance.whiten(problem.residual)
 
     def weight(one) -> float:
         return one[1] + log_prior(len(one[0]), max(known, len(one[0])))
 
     ranked = sorted(tables, key=lambda one: -weight(one))
-    near = [one for one in ranked[:MOST_BELIEVED] if weight(one) >= weight(ranked[0]) - REACH]
+    near = [one for one in ranked[:MOST_WITH_ERROR] if weight(one) >= weight(ranked[0]) - REACH]
     # The largest effect of a set is fitted alone before the set is (fits.py).
     reached = {one[0] for one in near}
     near += [one for one in ranked if one[0] not in reached and any(one[0] < other for other in reached)]
-    white: dict[int, np.ndarray] = {}
     found = {}
     for effects, average, _, choice in near:
         candidates = [problem.candidates[number[k]] for k in choice]
-        for k, candidate in zip(choice, candidates):
-            if number[k] not in white:
-                white[number[k]] = covariance.whiten(candidate.columns)
         parts = tuple(
             c if c.binary else replace(c, prior_sd=scale[k] * np.asarray(c.prior_sd))
             for k, c in zip(choice, candidates)
         )
-        one = replace(judged_by(r, parts, [white[number[k]] for k in choice]), log_bayes_factor=average)
-        found[effects] = with_form_errors(problem, one, every)
+        judged = judged_under(problem.covariance, problem.residual, parts)
+        found[effects] = with_form_errors(problem, replace(judged, log_bayes_factor=average))
     return found

@@ -9,19 +9,12 @@ import numpy as np
 import pandas as pd
 
 from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.evidence.screen import Screened, judged_by
+from gelforge.mismatch.evidence.screen import Screened, judged_under
 from gelforge.mismatch.inference.posterior import Posterior
-from gelforge.mismatch.terms.holdout import (
-    FEW_SITES,
-    Blocks,
-    Gain,
-    gain,
-    predictive_scores,
-    selection_penalty_of,
-    split,
-)
+from gelforge.mismatch.terms.holdout import Blocks, Gain, gain, predictive_scores, selection_penalty_of, split
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.refit import Refitted
+from gelforge.mismatch.thresholds import FEW_SITES
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +38,10 @@ def proof_of(problem: Problem, fit: Refitted, left: np.ndarray, blocks: Blocks) 
     columns = fit.columns
     step, spread = _training_step(uncertain, fit, left, blocks.train)
     after = left - columns @ step
-    errors = problem.covariance.errors(problem.errors_of(fit.parts, amounts))
     change = problem.residual - after
     scores = {
         "before": predictive_scores(
-            problem.residual, problem.covariance, blocks, problem.labels, change=change, errors=errors
+            problem.residual, problem.covariance, blocks, problem.labels, change=change
         ),
         "after": predictive_scores(after, uncertain, blocks, problem.labels, columns, spread),
     }
@@ -61,24 +53,15 @@ def _training_step(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the step (q,) from a fit to all readings to that to the training readings, and its covariance (q, q)."""
     q, free = fit.columns.shape[1], np.diag(fit.spread) > 0
-    prior = _prior_of(fit, covariance, free)
     part = covariance.restricted(train)
     J = part.whiten(fit.columns[train][:, free])
-    H = J.T @ J + prior
+    H = J.T @ J + np.diag(fit.prior_sd[free] ** -2.0)
     step, spread = np.zeros(q), np.zeros((q, q))
     spread[np.ix_(free, free)] = np.linalg.inv(H)
     # About the fit to all the gradient of what was held out is what is missing to the training readings' own.
     whole = covariance.whiten(np.column_stack([fit.columns[:, free], left]))
-    slope = J.T @ part.whiten(left[train]) - whole[:, :-1].T @ whole[:, -1]
-    step[free] = np.linalg.solve(H, slope)
+    step[free] = np.linalg.solve(H, J.T @ part.whiten(left[train]) - whole[:, :-1].T @ whole[:, -1])
     return step, spread
-
-
-def _prior_of(fit: Refitted, covariance: Covariance, free: np.ndarray) -> np.ndarray:
-    """Return the precision (f, f) that the priors gave a fit: that of its spread less that of its columns."""
-    J = covariance.whiten(fit.columns[:, free])
-    precision = np.linalg.inv(fit.spread[np.ix_(free, free)]) - J.T @ J
-    return np.diag(np.maximum(np.diag(precision), 0.0))
 
 
 def after_penalty(proof: Proof, problem: Problem, posterior: Posterior) -> Proof:
@@ -90,17 +73,13 @@ def after_penalty(proof: Proof, problem: Problem, posterior: Posterior) -> Proof
 
 def _evidence(problem: Problem, sets: Sequence[Screened], mask: np.ndarray) -> np.ndarray:
     """Return the log evidence (k,) of sets by some entries (n,) bool, by their linear changes at their best shapes."""
-    covariance = problem.covariance.restricted(mask)
-    r, white = covariance.whiten(problem.residual[mask]), {}
-    found = []
-    for one in sets:
-        for part in one.parts:
-            if id(part.columns) not in white:
-                white[id(part.columns)] = covariance.whiten(part.columns[mask])
-        found.append(
-            judged_by(r, one.parts, [white[id(part.columns)] for part in one.parts]).log_bayes_factor
-        )
-    return np.array(found)
+    covariance, residual = problem.covariance.restricted(mask), problem.residual[mask]
+
+    def evidence(one: Screened) -> float:
+        parts = [replace(part, columns=part.columns[mask]) for part in one.parts]
+        return judged_under(covariance, residual, parts).log_bayes_factor
+
+    return np.array([evidence(one) for one in sets])
 
 
 def folds_of(problem: Problem, fit: Refitted, left: np.ndarray) -> dict[str, Proof]:

@@ -128,7 +128,7 @@ def _adhesions(d: np.ndarray, last: np.ndarray, groups, deepest: float, push: fl
     threads that stay attached far above the surface. last: rows of the last way.
     """
     why = "pull-off forces of soft sticky gels are as large as the push"
-    pull, turn = Parameter("pull_off", "N", push, (0.0, 20 * push), why, 1), float(d[last].max())
+    pull, turn = Parameter("pull_off", "N", push, (0.0, 20 * push), why), float(d[last].max())
     # none where the record ends before the ball is back at the surface
     above = max(-float(d[last].min()), 0.0)
     heights = deepest * np.sinh(np.linspace(0, np.arcsinh(8 * above / deepest), HEIGHTS)) / 8

@@ -13,7 +13,7 @@ from gelforge.mismatch.model.effect import Parameter
 
 SOFTENINGS = ((0.03, 0.1), (0.1, 0.1), (0.3, 0.1), (0.1, 0.5), (1.0, 0.1))  # (m / largest energy, beta)
 SOFTENING = Parameter(
-    "one_over_r", "1", 0.3, (0.0, 1.0), "r of 1.5 to 5 in filled rubber (Ogden & Roxburgh 1999)", 1
+    "one_over_r", "1", 0.3, (0.0, 1.0), "r of 1.5 to 5 in filled rubber (Ogden & Roxburgh 1999)"
 )
 AGED = "elastomers lose a third or gain as much with age (ISO 188 limits)"
 SIZE = Parameter("change_over_span", "1", 0.3, (-0.95, 5.0), AGED)

@@ -20,7 +20,7 @@ from gelforge.mismatch.inference.posterior import Effects, Posterior, set_tables
 from gelforge.mismatch.material.material_readings import Change, Dense, Readings
 from gelforge.mismatch.model.effect import Parameter
 from gelforge.mismatch.terms.problem import secant
-from gelforge.mismatch.terms.refit import End, Refitted
+from gelforge.mismatch.terms.refit import Refitted
 from gelforge.progress import tracked
 
 # In which effects apply: the material first and the sensor last.
@@ -52,8 +52,10 @@ class Fitted:
         """Return the same as a fit of the judge."""
         j = self.judged
         amounts = tuple(j.amounts[own] for own in slices(self.model))
-        ways = np.zeros((len(self.prediction), 0))
-        return Refitted(j.parts, amounts, self.columns, j.covariance, ways, j.log_bayes_factor, End.AT_REST)
+        prior_sd = np.concatenate([np.broadcast_to(part.prior_sd, part.columns.shape[1]) for part in j.parts])
+        return Refitted(
+            j.parts, amounts, self.columns, j.covariance, prior_sd, j.log_bayes_factor, converged=True
+        )
 
 
 def slices(model: Sequence[Change]) -> list[slice]:

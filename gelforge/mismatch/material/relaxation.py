@@ -17,10 +17,10 @@ LEGENDRE = (lambda s: 2 * s - 1, lambda s: 6 * s**2 - 6 * s + 1)  # of the share
 PER_DECADE = (
     "0.2 of the stress relaxes per decade where tan delta is 0.14; adhesives reach more, filled rubber less"
 )
-ONE = Parameter("share", "1", 0.5, (0.0, 5.0), "half of the stress relaxes in many gels; 0 is elastic", 1)
-DECADE = Parameter("share_per_decade", "1", 0.2, (0.0, 5.0), PER_DECADE, 1)
+ONE = Parameter("share", "1", 0.5, (0.0, 5.0), "half of the stress relaxes in many gels; 0 is elastic")
+DECADE = Parameter("share_per_decade", "1", 0.2, (0.0, 5.0), PER_DECADE)
 FLOW = Parameter(
-    "flow_stiffness", "1", 1.0, (0.0, 20.0), "as much as the nominal one: half of what holds flows", 1
+    "flow_stiffness", "1", 1.0, (0.0, 20.0), "as much as the nominal one: half of what holds flows"
 )
 OTHER_SHAPE = "the unrelaxed constitutive model is of another shape than the loading"
 # Of flow that stress speeds up: the strain that loads the element once, as a share of the base's range, and how fast it
@@ -177,7 +177,7 @@ def _choices(
     alike: Shape = {"spectrum": "all decades alike", "from_s": float(times[0]), "to_s": float(times[-1])}
     yield from (((ONE,), unit[:, [i]], {"time_s": float(t)}) for i, t in enumerate(times))
     yield (DECADE,), decades[:, None], alike
-    each = tuple(Parameter(f"share_{t:.3g}s", "1", 0.2, (0.0, 5.0), PER_DECADE, 1) for t in times)
+    each = tuple(Parameter(f"share_{t:.3g}s", "1", 0.2, (0.0, 5.0), PER_DECADE) for t in times)
     yield each, unit[:, :k], {"spectrum": "free"}
     for i, shape in enumerate(flows, start=k):
         yield (FLOW,), unit[:, [i]], shape

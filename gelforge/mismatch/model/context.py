@@ -65,6 +65,15 @@ class Context:
             return self.at_readings[name]
         return self.on_readings(self.derivatives[name])
 
+    def with_derivative(self, name: str) -> Context:
+        """Return the context in which all derivatives but one are zero."""
+        curves = {
+            key: one if key == name else replace(one, values=tuple(0.0 * v for v in one.values))
+            for key, one in self.derivatives.items()
+        }
+        at_readings = {key: v if key == name else 0.0 * v for key, v in self.at_readings.items()}
+        return replace(self, derivatives=curves, at_readings=at_readings)
+
     def chosen(self, rows: np.ndarray) -> Context:
         """Return the context of some readings (R,) bool."""
         known = {name: values[rows] for name, values in self.at_readings.items()}

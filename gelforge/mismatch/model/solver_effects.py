@@ -1,30 +1,193 @@
 """What effects of the finite elements share: values of their catalogue, entry into a study, first-order forces."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
 from gelforge.config import Effects, Mechanics, Study, changed_study
-from gelforge.indentation.effects.catalogue import CATALOGUE, Place, with_keys
+from gelforge.indentation.effects.catalogue import CATALOGUE, Place, gel_layers, with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Parameter, Shape
+from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.places import FirstOrder
 
-ON = (-0.5, 1.5)  # bounds of what is off (0) or on (1)
 LARGEST_MOVE = 0.3  # [mm]; beside a wall the pull sets in within half a millimetre
 FAR_OUT = 0.3  # of the sensor's width from its middle: where the outermost indentations of usual plans are
 
 
-def amount(
-    effect: str, name: str, bounds: tuple[float, float], source: str, sign: int = 0, whole: bool = False
-) -> Parameter:
-    """Return a parameter with the unit and the plausible width that the catalogue of the finite elements gives."""
-    known = CATALOGUE[effect]
-    return Parameter(name, known.unit, known.width, bounds, source, sign, whole)
+def solved(
+    name: str,
+    parameter: str,
+    bounds: tuple[float, float],
+    source: str,
+    present: Callable[[Study], float] | None = None,
+    closed: bool = False,
+    directed: bool = False,
+    scanned: Callable[[Study], list[Shape]] | None = None,
+    **fields,
+) -> Effect:
+    """Return an effect with one parameter that the catalogue of the finite elements adds to a study.
+
+    Parameters
+    ----------
+    name : str
+        Of the catalogue's entry: it gives unit, plausible width, family and keys.
+    parameter, bounds, source : str, pair of float, str
+        Of the parameter (see `Parameter`).
+    present : callable, optional
+        What a study has of it already, for entries that replace a number.
+    closed : bool
+        Whether a bound is physical: beyond it more changes nothing.
+    directed : bool
+        Whether it has a place, a direction or an order, so that indentations of a square have no mirror images.
+    scanned : callable, optional
+        The shapes that are tried, each with a derivative of its own.
+    **fields
+        Of the Effect, in place of those that follow from the catalogue.
+
+    Returns
+    -------
+    Effect
+    """
+    entry = CATALOGUE[name]
+    limit = bounds if closed else (-np.inf, np.inf)
+
+    def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+        (a,) = amounts
+        if a == 0 and not entry.mesh_changes:
+            return study
+        a = float(np.clip(a + (present(study) if present else 0.0), *limit))
+        place = Place(**{axis: float(value) for axis, value in shape.items()}) if "x_mm" in shape else None
+        return entry(unmirrored(study) if directed else study, a, place)
+
+    scan = {"shapes": lambda context: scanned(context.study)} if scanned else {}
+    about = {
+        "parameters": (Parameter(parameter, entry.unit, entry.width, bounds, source, closed=closed),),
+        "to_study": to_study,
+        "to_forces": FirstOrder(name, scanned=scanned),
+    }
+    return Effect(**_of_entry(name) | about | scan | fields)
+
+
+def solved_pair(
+    name: str,
+    parameters: tuple[str, str],
+    bounds: tuple[float, float],
+    source: str,
+    present: Callable[[Study], Any],
+    keys: Callable[[Study, list[float]], dict],
+    **fields,
+) -> Effect:
+    """Return an effect with two directions.
+
+    present gives the two numbers that a study has; keys the keys of mechanics.effects with two others.
+    """
+    entry = CATALOGUE[name]
+
+    def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+        if not any(amounts):
+            return study
+        both = [float(has + a) for has, a in zip(present(study), amounts, strict=True)]
+        return with_keys(unmirrored(study), **keys(study, both))
+
+    about = {
+        "parameters": tuple(Parameter(one, entry.unit, entry.width, bounds, source) for one in parameters),
+        "to_study": to_study,
+        "to_forces": FirstOrder(name, parameters),
+    }
+    return Effect(**_of_entry(name) | about | fields)
+
+
+def _of_entry(name: str) -> dict:
+    """Return the fields of an Effect that an entry of the finite elements' catalogue gives."""
+    names = ("name", "family", "binary", "history", "mesh_changes", "step")
+    return {field: getattr(CATALOGUE[name], field) for field in names}
+
+
+def switch(source: str) -> Parameter:
+    """Return the parameter of what is off (0) or on (1)."""
+    return Parameter("on", "1", 1.0, (0.0, 1.5), f"on or off: {source}, no quantity")
+
+
+def simplification(name: str, changes: Callable[[Mechanics, Shape], dict], **fields) -> Effect:
+    """Return a choice of the study that may be wrong.
+
+    changes: the keys of mechanics that 1 sets, of the study's own mechanics and a shape.
+    """
+
+    def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+        (a,) = amounts
+        if a not in (0, 1):
+            raise ValueError(f"a simplification is turned round (1) or kept (0), found {a:g}")
+        return changed_study(study, {"mechanics": changes(study.mechanics, shape)}) if a else study
+
+    about = {
+        "family": "simplification",
+        "parameters": (switch("a choice of the study"),),
+        "to_study": to_study,
+        "to_forces": FirstOrder(name),
+    }
+    return Effect(**_of_entry(name) | about | fields)
+
+
+def circumstance(name: str, source: str, key: str, reference: str, column: str, **fields) -> Effect:
+    """Return a growth of the gel's stiffness with a circumstance of the sessions, beyond a reference of the study.
+
+    At one age, or one temperature, it is another name for a stiffer gel: it is tried where readings differ in it. Sessions
+    that do not say theirs stay as they are.
+    """
+
+    def present(study: Study) -> float:
+        circumstances = study.mechanics.effects.material.circumstances
+        return getattr(circumstances, key).get(gel_layers(study)[0], 0.0)
+
+    def shapes(context: Context) -> list[Shape]:
+        table = context.observations.table
+        return [{}] if table.empty or table[column].nunique() > 1 else []
+
+    def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+        (a,) = amounts
+        here = getattr(context.study.mechanics.effects.material.circumstances, reference)
+        beyond = np.nan_to_num(context.observations.table[column].to_numpy(float) - here)
+        return force + a * beyond[:, None] * context.derivative("gel_stiffness")
+
+    fields |= {"depends_on": ("gel_stiffness",), "shapes": shapes, "to_forces": to_forces}
+    return solved(name, "rate", (-0.1, 0.1), source, present, **fields)
+
+
+def data_entry_error(
+    name: str,
+    key: str,
+    alternatives: Sequence[str],
+    default: str,
+    read: Callable[[np.ndarray, str], np.ndarray],
+    **words,
+) -> Effect:
+    """Return a mistake of the analyst that is there or not; each alternative is a shape {key: alternative}.
+
+    read gives what is read (R, 3) [N] of forces on the sensor (R, 3) by one of them.
+    """
+
+    def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+        (a,) = amounts
+        return force + a * (read(force, str(shape.get(key, default))) - force)
+
+    return Effect(
+        name,
+        "analyst",
+        (switch("a data-entry error of the session"),),
+        to_forces=to_forces,
+        shapes=lambda context: [{key: one} for one in alternatives],
+        binary=True,
+        **words,
+    )
+
+
+def on_each_axis(unit: str, width: float, bounds: tuple[float, float], source: str) -> tuple[Parameter, ...]:
+    """Return a parameter for each axis of the force sensor."""
+    return tuple(Parameter(axis, unit, width, bounds, source) for axis in "xyz")
 
 
 def half_an_element(study: Study) -> float:
@@ -35,56 +198,6 @@ def half_an_element(study: Study) -> float:
 def half_an_element_far_out(study: Study) -> float:
     """Return the angle [rad] or the growth by which the outermost indentations move so far."""
     return half_an_element(study) / (FAR_OUT * study.sensor.width_x_mm)
-
-
-def solver(
-    name: str,
-    present: Callable[[Study], float] | None = None,
-    limit: tuple[float, float] = (-np.inf, np.inf),
-    directed: bool = False,
-) -> dict:
-    """Return the fields of an Effect with one value that the catalogue of the finite elements adds to a study.
-
-    present: what the base has of it already, for entries that replace a number; limit: beyond it more changes nothing;
-    directed: it has a place, a direction or an order, so indentations of a square have no mirror images.
-    """
-    known = CATALOGUE[name]
-
-    def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-        (a,) = amounts
-        if a == 0 and not known.mesh_changes:
-            return study
-        a = float(np.clip(a + (present(study) if present else 0.0), *limit))
-        place = Place(**{axis: float(value) for axis, value in shape.items()}) if shape else None
-        return known(unmirrored(study) if directed else study, a, place)
-
-    return {
-        "enters": known.enters,
-        "to_study": to_study,
-        "to_forces": first_order(name),
-        "binary": known.binary,
-        "history": known.history,
-        "mesh_changes": known.mesh_changes,
-        "unloading": known.unloading,
-        "step": known.step,
-    }
-
-
-def pair_of(
-    family: str, read: Callable[[Study], Sequence[float]], keys: Callable[[Study, list[float]], dict]
-):
-    """Return the `to_study` of an effect with two directions.
-
-    read gives the two numbers that the base has; keys gives the keys of mechanics.effects.<family> with two others.
-    """
-
-    def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-        if not any(amounts):
-            return study
-        both = [float(has + a) for has, a in zip(read(study), amounts, strict=True)]
-        return with_keys(unmirrored(study), **{family: keys(study, both)})
-
-    return to_study
 
 
 def as_vector(turn: np.ndarray) -> np.ndarray:
@@ -102,47 +215,14 @@ def as_spin(turn: np.ndarray) -> np.ndarray:
     return np.array([[np.linalg.det(turn)]])
 
 
-def inverted(changes: Callable[[Mechanics], dict]):
-    """Return the `to_study` of a switch: 1 sets the keys of mechanics that `changes` gives for the base's own."""
-
-    def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-        (a,) = amounts
-        if a not in (0, 1):
-            raise ValueError(f"a simplification is turned round (1) or kept (0), found {a:g}")
-        if a == 0:
-            return study
-        return changed_study(study, {"mechanics": changes(study.mechanics)})
-
-    return to_study
-
-
-@dataclass(frozen=True)
-class FirstOrder:
-    """The `to_forces` of an effect whose own derivatives the solver gives: force + sum of amount x derivative."""
-
-    keys: tuple[str, ...]
-
-    def __call__(
-        self, context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]
-    ) -> np.ndarray:
-        for key, a in zip(self.keys, amounts, strict=True):
-            force = force + a * context.derivative(key)
-        return force
-
-
-def first_order(name: str, *parameters: str) -> FirstOrder:
-    """Return the `to_forces` of an effect by its derivative, or by those to its parameters."""
-    return FirstOrder(tuple(f"{name}.{parameter}" for parameter in parameters) or (name,))
-
-
 def per_depth(context: Context) -> np.ndarray:
     """Return d force / d depth (R, 3) [N/mm]: the solver's where it is known, else the slope of the base's curves."""
     known = {*context.derivatives, *context.at_readings}
     return context.derivative("contact_zero") if "contact_zero" in known else context.slope()
 
 
-def has(key: str) -> Callable[[Study], float]:
-    """Return the function that reads a number of mechanics.effects."""
+def has(key: str) -> Callable[[Study], Any]:
+    """Return the function that reads a number, or two, of mechanics.effects."""
     read = attrgetter(key)
     return lambda study: read(study.mechanics.effects)
 
@@ -158,3 +238,13 @@ def has_none_of(*keys: str) -> Callable[[Study], bool]:
 def is_block(study: Study) -> bool:
     """Whether the sensor is a block, as effects of the geometry need."""
     return study.sensor.shape.kind == "block"
+
+
+def has_wall(study: Study) -> bool:
+    """Whether the sensor is a block with a wall around the gel."""
+    return study.sensor.wall_mm > 0 and is_block(study)
+
+
+def pressed_by_balls(study: Study) -> bool:
+    """Whether all parts of the indenter are spheres."""
+    return all(part.kind == "sphere" for part in study.indenter.shapes)

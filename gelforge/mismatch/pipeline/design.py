@@ -9,19 +9,16 @@ import pandas as pd
 
 from gelforge.config import ConfigError, DepthZero, ForceSensor, Study
 from gelforge.indentation.planning.plan import plan_cells
-from gelforge.mismatch.effects import CATALOGUE, with_dependencies
-from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.identifiability import Plan, detection_limits, next_experiment
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.fem.unsolved import base_where_solved
 from gelforge.mismatch.pipeline.experiments import CLEAR_S, of_camera, planned, rivals, survivor, weights
 from gelforge.mismatch.pipeline.stage import problem_of, spread
 from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM, depth_scatter
 from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.readings.sessions import SPEED_MM_PER_S
 from gelforge.mismatch.result.verdict import NamedEffect, Verdict
-from gelforge.mismatch.terms.candidates import candidates_of
-from gelforge.mismatch.terms.problem import Problem, never_solved
+from gelforge.mismatch.terms.problem import Problem
 
 DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
 LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)
@@ -84,17 +81,9 @@ def limits_table(problem: Problem) -> pd.DataFrame:
     """Return per effect and parameter the smallest value that planned readings would show, beside a plausible one."""
     rows = []
     for limit in detection_limits(problem.covariance, problem.physics):
-        parameter = CATALOGUE[limit.name].parameters[limit.parameter]
-        rows.append(
-            (
-                limit.name,
-                parameter.name,
-                parameter.unit,
-                limit.amount,
-                parameter.width,
-                limit.amount <= parameter.width,
-            )
-        )
+        one = CATALOGUE[limit.name].parameters[limit.parameter]
+        seen = limit.amount <= one.width
+        rows.append((limit.name, one.name, one.unit, limit.amount, one.width, seen))
     columns = ["effect", "parameter", "unit", "detectable", "plausible", "plausible_amount_seen"]
     return pd.DataFrame(rows, columns=columns).sort_values(["effect", "parameter"], ignore_index=True)
 
@@ -135,21 +124,13 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
         reported = "; ".join(f"{name}: {CATALOGUE[name].separated_by}" for name in sorted(seen_alone))
         raise ConfigError(f"no indentation shows what the camera alone sees ({reported})")
     plans = list(plans_of(solver, [effects[name] for pair in pairs for name in pair]))
-    rows = []
-    for first, second in pairs:
-        for experiment in next_experiment(plans, survivor(effects[first]), survivor(effects[second])):
-            rows.append(
-                (
-                    f"{first} or {second}",
-                    experiment.name,
-                    experiment.cost,
-                    experiment.expected_log_odds,
-                    experiment.decides,
-                )
-            )
-    return pd.DataFrame(
-        rows, columns=["tells apart", "experiment", "minutes", "expected_log_odds", "decides"]
-    )
+    rows = [
+        (f"{first} or {second}", one.name, one.cost, one.expected_log_odds, one.decides)
+        for first, second in pairs
+        for one in next_experiment(plans, survivor(effects[first]), survivor(effects[second]))
+    ]
+    columns = ["tells apart", "experiment", "minutes", "expected_log_odds", "decides"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def variants_of(study: Study) -> dict[str, Observations]:
@@ -170,18 +151,9 @@ def _minutes(observations: Observations) -> float:
 
 def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
     """Yield the experiments that this study's sensor and stage allow."""
-    study = solver.study
-    effects = {effect.name: CATALOGUE[effect.name] for effect in survivors}
-    for name, observations in variants_of(study).items():
-        base = base_where_solved(solver, observations, with_dependencies(effects.values()))
-        context = base.context
-        failed: dict[str, str] = {}
-        candidates = candidates_of(context, effects, failed)
-        if set(effects) <= {one.name for one in candidates}:
-            covariance = readings_covariance(context, base.law, base.floor, base.alike)
-            problem = Problem(
-                context.observations, context.force, covariance, candidates, effects, never_solved, failed,
-                change_error=study.mismatch.change_error,
-            )  # fmt: skip
-            yield planned(name, _minutes(observations), problem, context, survivors)
-    yield weights(study, survivors)
+    names = {effect.name for effect in survivors}
+    for name, observations in variants_of(solver.study).items():
+        problem, base = problem_of(solver, observations, recorded=False, names=names)
+        if names <= {one.name for one in problem.candidates}:
+            yield planned(name, _minutes(observations), problem, base.context, survivors)
+    yield weights(solver.study, survivors)

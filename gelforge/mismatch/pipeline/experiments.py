@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -40,15 +39,9 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
         plans = [again(problem, context, pair), weights(context.study, pair)]
         best = next_experiment(plans, *map(survivor, pair))[0]
         if best.decides:
-            found.append(
-                Experiment(
-                    words=best.name,
-                    separates=list(names),
-                    presses=best.presses,
-                    cost_s=60 * best.cost,
-                    expected_log_odds=best.expected_log_odds,
-                )
-            )
+            about = {"words": best.name, "separates": list(names), "presses": best.presses}
+            odds = best.expected_log_odds
+            found.append(Experiment(**about, cost_s=60 * best.cost, expected_log_odds=odds))
     found.sort(key=lambda experiment: (experiment.cost_s, -(experiment.expected_log_odds or 0.0)))
     return verdict.model_copy(update={"next_experiments": [*found, *verdict.next_experiments]})
 
@@ -74,9 +67,10 @@ def planned(
     name: str, minutes: float, problem: Problem, context: Context, survivors: Sequence[NamedEffect]
 ) -> Plan:
     """Return a plan of indentations by the problem that its readings would pose, with the errors of each effect's change."""
-    columns, errors = columns_by_name(context, survivors), {}
+    columns, errors = {}, {}
     for one in survivors:
         effect, amounts = CATALOGUE[one.name], np.array([amount.value for amount in one.amounts])
+        columns[one.name] = columns_of(context, effect, one.shape)
         part = Candidate(one.name, one.shape, columns[one.name], effect.prior_sd, np.zeros(len(amounts)))
         directions = problem.errors_of([part], amounts)
         if directions.size:
@@ -85,48 +79,26 @@ def planned(
     return Plan(name, minutes, presses, problem.covariance, columns, errors)
 
 
-def columns_by_name(context: Context, survivors: Sequence[NamedEffect]) -> dict[str, np.ndarray]:
-    """Return the change of what was read (n, P) [N] per unit of the parameter, by effect."""
-    return {effect.name: columns_of(context, CATALOGUE[effect.name], effect.shape) for effect in survivors}
-
-
 def weights(study: Study, survivors: Sequence[NamedEffect]) -> Plan:
     """Return the plan of dead weights on the force sensor, along z and, turned, along x and y: the gel has no part in it."""
     force = np.array([-w * axis for axis in np.eye(3) for w in WEIGHTS_N])
     R = len(force)
-    table = pd.DataFrame(
-        [
-            ("weights", f"w{k}", k, 0, "load", WEIGHT_S * k, 1.0, 0.0, 0.0, 1.0, 1.0, np.nan, np.nan)
-            for k in range(R)
-        ],
-        columns=COLUMNS,
-    )
+    at = [("weights", f"w{k}", k, 0, "load", WEIGHT_S * k, 1.0, 0.0, 0.0, 1.0, 1.0) for k in range(R)]
+    table = pd.DataFrame(at, columns=COLUMNS[:11]).reindex(columns=COLUMNS)
     sigma = np.broadcast_to(np.array(ForceSensor().resolution_N) / np.sqrt(12), (R, 3)).copy()
     observations = Observations(
         table, force, np.zeros((1, 2)), sigma, sigma, np.zeros(R), np.full(R, "press")
     )
+    flat = Curves((np.array([1.0]),), (np.zeros((1, 3)),))
+    still = Context(study, observations, force, flat, {})  # the force is what was put on
     columns = {}
     for one in survivors:
         effect = CATALOGUE[one.name]
-        if effect.data_entry_error or effect.family == "force sensor":
-            context = _still(study, observations, force)
-            columns[effect.name] = columns_of(context, effect, one.shape)
-        else:
-            columns[effect.name] = np.zeros((3 * R, len(effect.parameters)))
-    variance = observations.flat(observations.noise_N**2)
-    return Plan(
-        "dead weights on the force sensor, along each axis",
-        R * WEIGHT_S / 60,
-        0,
-        Covariance(variance),
-        columns,
-    )
-
-
-def _still(study: Study, observations: Observations, force: np.ndarray) -> Context:
-    """Return the context of weights that lie still: the force is what was put on."""
-    flat = Curves((np.array([1.0]),), (np.zeros((1, 3)),))
-    return replace(Context(study, observations, force, flat, {}), force=force)
+        of_sensor = effect.data_entry_error or effect.family == "force sensor"
+        nothing = np.zeros((3 * R, len(effect.parameters)))
+        columns[effect.name] = columns_of(still, effect, one.shape) if of_sensor else nothing
+    name, covariance = "dead weights on the force sensor, along each axis", Covariance(sigma.ravel() ** 2)
+    return Plan(name, R * WEIGHT_S / 60, 0, covariance, columns)
 
 
 def survivor(effect: NamedEffect) -> Screened:
@@ -136,16 +108,8 @@ def survivor(effect: NamedEffect) -> Screened:
     sd = np.array([_spread(amount, parameter) for amount, parameter in zip(effect.amounts, parameters)])
     none = np.zeros((0, len(amounts)))
     part = Candidate(effect.name, effect.shape, none, CATALOGUE[effect.name].prior_sd, np.zeros(len(amounts)))
-    return Screened(
-        (part,),
-        effect.log_bayes_factor,
-        effect.log_bayes_factor,
-        amounts,
-        np.diag(sd**2),
-        np.zeros(0),
-        0.0,
-        0.0,
-    )
+    factor = effect.log_bayes_factor
+    return Screened((part,), factor, factor, amounts, np.diag(sd**2), np.zeros(0), 0.0, 0.0)
 
 
 def _spread(amount: Amount, parameter: Parameter) -> float:

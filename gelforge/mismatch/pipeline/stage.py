@@ -159,15 +159,15 @@ def judged_with_images(
 
     if settings.images == "fitted":
         joint = with_images(forces)
-        return joint, joint, judge(joint, settings, seed)
-    judgement = judge(forces, settings, seed)
-    if settings.images == "predicted":
-        return forces, with_images(forces), judgement
-    left = told_apart_by_images(judgement) if settings.images == "auto" else set()
-    joint = with_images(of_effects(forces, left)) if left else forces
-    if joint.flow is None:
-        told = replace(forces, observations=joint.observations)
-        return told, told, judgement
+    else:
+        judgement = judge(forces, settings, seed)
+        if settings.images == "predicted":
+            return forces, with_images(forces), judgement
+        left = told_apart_by_images(judgement) if settings.images == "auto" else set()
+        joint = with_images(of_effects(forces, left)) if left else forces
+        if joint.flow is None:
+            told = replace(forces, observations=joint.observations)
+            return told, told, judgement
     return joint, joint, judge(joint, settings, seed)
 
 
@@ -200,12 +200,9 @@ def of_effects(problem: Problem, names: Collection[str]) -> Problem:
 def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement) -> None:
     """Write config.patch.yaml: the fitted effects, and the map of a cause with a free form where a study can have it."""
     model = judgement.model
-    alone = model is not None and not model.beside
-    fit = None if alone else judgement.answered.fit
-    changes = patch_of(study, problem.effects, fit)
-    if model is not None and model.sure:
-        changes = patch_of(study, problem.effects, fit, model.module, model.map())
-    if changes:
+    fit = None if model is not None and not model.beside else judgement.answered.fit
+    cause = (model.module, model.map()) if model is not None and model.sure else ()
+    if changes := patch_of(study, problem.effects, fit, *cause):
         out.mkdir(parents=True, exist_ok=True)
         write_yaml(out / PATCH, changes)
 
@@ -243,39 +240,38 @@ def observations_of(recorded: Sequence[Path | Recording], study: Study) -> tuple
 
 
 def spread(observations: Observations, study: Study) -> Observations:
-    """Return the observations at no more sites and depths than the study judges."""
-    return spread_depths(spread_sites(observations, study), study)
+    """Return the observations at no more sites and depths than the study judges.
 
-
-def spread_depths(observations: Observations, study: Study) -> Observations:
-    """Return the observations at no more depths than the study judges, spread evenly, the deepest among them."""
+    Sites are the middle, then always the farthest from those; depths are spread evenly, the deepest among them.
+    """
+    settings, sites = study.mismatch, observations.sites
+    if len(sites) > settings.sites:
+        middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
+        first = int(np.argmin(np.linalg.norm(sites - middle, axis=1)))
+        observations = observations.at_sites(spread_out(sites, settings.sites, first)).saying(
+            f"of {len(sites)} positions {settings.sites}, spread over the sensor, are judged (mismatch.sites)"
+        )
     depth = observations.table["deepest_mm"].round(DEPTH_DIGITS)
-    levels, most = np.unique(depth), study.mismatch.depths
+    levels, most = np.unique(depth), settings.depths
     if most is None or len(levels) <= most:
         return observations
     chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
-    reported = f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
     judged = observations.chosen(depth.isin(chosen).to_numpy())
-    return judged.at_sites(np.unique(judged.table["site"])).saying(reported)
+    return judged.at_sites(np.unique(judged.table["site"])).saying(
+        f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
+    )
 
 
-def spread_sites(observations: Observations, study: Study) -> Observations:
-    """Return the observations at no more sites than the study judges: the middle, then always the farthest from those."""
-    most, sites = study.mismatch.sites, observations.sites
-    if len(sites) <= most:
-        return observations
-    middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
-    chosen = spread_out(sites, most, int(np.argmin(np.linalg.norm(sites - middle, axis=1))))
-    reported = f"of {len(sites)} positions {most}, spread over the sensor, are judged (mismatch.sites)"
-    return observations.at_sites(chosen).saying(reported)
-
-
-def problem_of(solver: Solver, observations: Observations, recorded: bool = True) -> tuple[Problem, Base]:
+def problem_of(
+    solver: Solver, observations: Observations, recorded: bool = True, names: Collection[str] | None = None
+) -> tuple[Problem, Base]:
     """Return the problem of some observations: base, covariance, and the change by every effect that applies.
 
-    recorded: False of a plan, whose forces mean nothing.
+    recorded: False of a plan, whose forces mean nothing; names: of some effects alone.
     """
     effects = effects_of_forces(solver.study)
+    if names is not None:
+        effects = {name: CATALOGUE[name] for name in names}
     asked = required(solver.study, effects.values()) if recorded else with_dependencies(effects.values())
     stage("forces of the simulation, and how they follow the effects")
     base = with_known(base_where_solved(solver, observations, asked), solver)
@@ -308,9 +304,6 @@ def problem_of(solver: Solver, observations: Observations, recorded: bool = True
             modules_of(base.context, changes) if recorded else (),
             lambda parts, amounts, change: read_with(
                 base, chosen(parts, amounts), base.context.force + change
-            ),
-            lambda parts, amounts, module, map_: forces_with(
-                solver, base, [*chosen(parts, amounts), (module.effect, {}, map_)]
             ),
         ),
         base,

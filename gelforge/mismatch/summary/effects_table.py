@@ -15,12 +15,12 @@ HEAD = """\
 # Effects that a verdict may name
 
 Written by `python -m gelforge.mismatch.summary.effects_table` from `gelforge/mismatch/effects/`, one file for each effect;
-they also hold where an effect enters and the source of every number. A parameter is `name [unit] width, from .. to`: the
+they also hold the source of every number. A parameter is `name [unit] width, from .. to`: the
 standard deviation of its prior, that is a plausible value, and the physical range. 0 is the effect's absence; a range that
 begins at 0 leaves one sign only. [mismatch-method.md](mismatch-method.md) says how a verdict is reached.
 
-| effect | family | parameters | signature | confused with | distinguished by |
-|---|---|---|---|---|---|
+| effect | family | parameters | signature | distinguished by |
+|---|---|---|---|---|
 """
 
 
@@ -35,8 +35,7 @@ def page(catalogue: Mapping[str, Effect]) -> str:
 def row(one: Effect) -> str:
     """Return the effect's line of the table."""
     amounts = "on or off" if one.binary else parameters(one.parameters)
-    confused = ", ".join(one.confused_with)
-    cells = (one.name, one.family, amounts, one.signature, confused, one.separated_by)
+    cells = (one.name, one.family, amounts, one.signature, one.separated_by)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
 

@@ -10,7 +10,6 @@ from gelforge.mismatch.images.flow_images import region_middles
 from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.weighing import whole
 
 
 def after_of(joint: Problem, judgement: Judgement) -> np.ndarray | None:
@@ -18,7 +17,7 @@ def after_of(joint: Problem, judgement: Judgement) -> np.ndarray | None:
     if joint.flow is None or judgement.answer is None:
         return None
     fit = judgement.answer.fit
-    parts = [whole(joint, part) for part in fit.parts]
+    parts = [joint.at_its_place(part) for part in fit.parts]
     return joint.forces_with(parts, fit.amounts, np.ones(len(joint.base), bool))
 
 

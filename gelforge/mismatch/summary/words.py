@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from gelforge.mismatch.inference.answer import Answer, Group
 from gelforge.mismatch.inference.judge import Judgement
-from gelforge.mismatch.model.effect_words import with_amount
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.terms.problem import Problem
 
@@ -65,7 +64,7 @@ def _clause(problem: Problem, answer: Answer, group: Group, brief: bool) -> str:
     part, amounts = answer.fit.parts[k], answer.fit.amounts[k]
     if brief:
         return _plain_name(part.name) + (" or another of its line" if len(group.members) > 1 else "")
-    said = with_amount(problem.effects[part.name], part.shape, tuple(amounts))
+    said = problem.effects[part.name].in_words(part.shape, tuple(amounts))
     if part.binary and "coefficient" not in part.shape:
         said += "".join(f" ({value})" for value in part.shape.values())
     return said + (" or an indistinguishable cause" if len(group.members) > 1 else "")

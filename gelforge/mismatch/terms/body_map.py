@@ -14,8 +14,8 @@ import pandas as pd
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.mismatch.evidence.places import SPACING, FirstOrderAt, lines
 from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.places import SPACING, FirstOrder, lines
 from gelforge.mismatch.terms.problem import Problem
 
 LEVELS = 3  # at least: the thickest part of the layers is halved until there are as many
@@ -62,12 +62,8 @@ BOX = Effect(
     name="box_modulus",
     family="material",
     parameters=(Parameter("growth", "1", WIDTH, (-1.0, np.inf), "width and bounds: judgement"),),
-    enters="geometry.patches: the modulus of a box times 1 + a",
-    signature="what any change of stiffness does, wherever it is: it only shows where, and is never an answer",
-    confused_with=(),
-    separated_by="",
     to_study=_to_study,
-    to_forces=FirstOrderAt("box_modulus", boxes),
+    to_forces=FirstOrder("box_modulus", scanned=boxes),
     shapes=lambda context: boxes(context.study),
 )
 

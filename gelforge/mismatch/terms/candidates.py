@@ -43,8 +43,7 @@ def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[
                 continue
             if not np.any(columns):
                 continue
-            signs = np.array([parameter.sign for parameter in effect.parameters])
-            found.append(Candidate(name, shape, columns, effect.prior_sd, signs, effect.binary))
+            found.append(Candidate(name, shape, columns, effect.prior_sd, effect.signs, effect.binary))
     return found
 
 
@@ -53,10 +52,8 @@ def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
     if effect.to_forces is None:
         raise ValueError(f"{effect.name} changes no forces; it has no columns among them")
     columns = []
-    for k, parameter in enumerate(effect.parameters):
-        step = 1.0 if effect.binary else UNIT * parameter.width * (parameter.sign or 1)
-        amounts = np.zeros(len(effect.parameters))
-        amounts[k] = step
-        change = effect.to_forces(context, shape, context.force, tuple(amounts)) - context.force
-        columns.append(context.observations.flat(change) / step)
+    for k in range(len(effect.parameters)):
+        step = effect.unit_step(k, UNIT)
+        change = effect.to_forces(context, shape, context.force, step) - context.force
+        columns.append(context.observations.flat(change) / step[k])
     return np.column_stack(columns)

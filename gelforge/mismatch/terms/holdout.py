@@ -11,9 +11,7 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.result.verdict import shown
-
-FEW_SITES = 4
-SHARE = 0.25  # of the sites and of the depths that is held out
+from gelforge.mismatch.thresholds import FEW_SITES, HELD_OUT
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +34,8 @@ class Gain:
     total: float
     standard_error: float  # that noise gives it
     blocks: int
-    doubt: float = 0.0  # standard error that the error of the change itself gives it
-    selection_penalty: float = (
-        0.0  # what is taken from it as what was held out helped to choose the answer, 0 or less
-    )
+    # What is taken from it as what was held out helped to choose the answer, 0 or less.
+    selection_penalty: float = 0.0
 
     @property
     def clear(self) -> bool:
@@ -61,21 +57,14 @@ def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
     if few:
         chosen = np.sort(sites)[turn - 1 : turn] if turn and len(sites) > 1 else sites[:0]
     else:
-        count = round(SHARE * len(sites))
+        count = round(HELD_OUT * len(sites))
         chosen = np.roll(sites, -turn * count)[:count]
     depth = labels["depth_mm"].to_numpy(float).round(6)
     levels = np.unique(depth)
-    deepest = levels[len(levels) - int(np.ceil(SHARE * len(levels))) :] if len(levels) > 1 else levels[:0]
+    deepest = levels[len(levels) - int(np.ceil(HELD_OUT * len(levels))) :] if len(levels) > 1 else levels[:0]
     positions = np.isin(site, chosen)
     deep = np.isin(depth, [] if few and turn else deepest) & ~positions
     return Blocks(~positions & ~deep, {"positions": positions, "deepest": deep})
-
-
-def _products(V: np.ndarray, covariance: Covariance, mask: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return v' C^-1 w for the columns v, w of V on some entries, and ln det C there."""
-    part = covariance.restricted(mask)
-    white = part.whiten(V[mask])
-    return white.T @ white, part.log_det
 
 
 def predictive_scores(
@@ -86,44 +75,46 @@ def predictive_scores(
     columns: np.ndarray | None = None,
     amounts_covariance: np.ndarray | None = None,
     change: np.ndarray | None = None,
-    errors: np.ndarray | None = None,
 ) -> pd.DataFrame:
-    """Return the predictive log score of every block: columns block, site, entries, score, apart, doubt.
+    """Return the predictive log score of every block: columns block, site, entries, score, apart.
 
     residual (n,): measured less the model with the values fitted to the training readings. columns (n, p) and
     amounts_covariance (p, p): the change per unit of the parameter at these values and what the training readings leave
     open of them; none for a model without values. change (n,): to a model beside this one, whose squared distance is
-    `apart`; errors (n, k): of that change, a standard deviation each, whose part in the variance of its score is `doubt`.
+    `apart`.
 
     Blocks are scored in turn, each given the training readings and the blocks before it, so that the scores add up to the
     joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of an indentation that is held out as a whole stay
     free: nothing of it is fitted.
     """
-    p = 0 if columns is None else columns.shape[1]
+    if not blocks.train.any():
+        raise ValueError("no training readings are left; give more than one site or depth")
     V = residual[:, None]
-    if columns is not None and p:
+    if columns is not None and columns.shape[1]:
         if amounts_covariance is None:
             raise ValueError("what is open of the amounts is not given; give amounts_covariance with columns")
         l, E = np.linalg.eigh(amounts_covariance)
         V = np.column_stack([residual, columns @ (E * np.sqrt(np.maximum(l, 0)))])
-    if not blocks.train.any():
-        raise ValueError("no training readings are left; give more than one site or depth")
-    d = np.zeros_like(residual) if change is None else change
-    E = np.zeros((len(d), 0)) if errors is None else errors
-    V = np.column_stack([V, d, E])
+    V = np.column_stack([V, np.zeros_like(residual) if change is None else change])
+
+    def products(entries: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return v' C^-1 w for the columns v, w of V on some entries, and ln det C there."""
+        part = covariance.restricted(entries)
+        white = part.whiten(V[entries])
+        return white.T @ white, part.log_det
+
     site = labels["site"].to_numpy()
-    rows, known, sums = [], blocks.train.copy(), np.zeros(3)
-    trained = _products(V, covariance, known)
+    rows, known, sums = [], blocks.train.copy(), np.zeros(2)
+    trained, of_trained = products(known)
     for name, entries in _in_turn(labels, blocks):
         known = known | entries
-        G, log_det = _products(V, covariance, known)
-        G, D = G - trained[0], p + 1
-        score = _log_score(G[:D, :D], log_det - trained[1], int((known & ~blocks.train).sum()))
-        apart = G[D, D] + _variance_of_spread(G[1:D, 1:D])
-        new = np.array([score, apart, np.sum(G[D, D + 1 :] ** 2)])
+        G, log_det = products(known)
+        G = G - trained
+        score = _log_score(G[:-1, :-1], log_det - of_trained, int((known & ~blocks.train).sum()))
+        new = np.array([score, G[-1, -1] + _variance_of_spread(G[1:-1, 1:-1])])
         rows.append((name, int(site[entries][0]), int(entries.sum()), *(new - sums)))
         sums = new
-    return pd.DataFrame(rows, columns=["block", "site", "entries", "score", "apart", "doubt"])
+    return pd.DataFrame(rows, columns=["block", "site", "entries", "score", "apart"])
 
 
 def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
@@ -133,8 +124,8 @@ def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
     Not from the scatter of the blocks' gains: an effect that sits at one place gains at few of them.
     """
     total = float((after["score"] - before["score"]).sum())
-    apart, doubt = before["apart"].sum() + after["apart"].sum(), before["doubt"].sum()
-    return Gain(total, float(np.sqrt(max(apart, 0.0))), len(after), float(np.sqrt(max(doubt, 0.0))))
+    apart = before["apart"].sum() + after["apart"].sum()
+    return Gain(total, float(np.sqrt(max(apart, 0.0))), len(after))
 
 
 def selection_penalty_of(trained: np.ndarray, by_all: np.ndarray) -> float:

@@ -33,38 +33,15 @@ class Module(Kernel):
     unit: str
     of_labels: bool  # simulated forces change by it, as a function of place and depth
     where: Callable[[Mapping[str, Any]], str]  # a row of the map, in words
-    form_of: tuple[str, ...] = ()  # effects of the catalogue that are the same cause in another form
     to_study: Callable[[Study, np.ndarray], Study] | None = None  # with a map (G,) of it
-    history: bool = False  # with it every indentation is a path of its own, in time
     named: bool = (
         True  # False: another known cause changes the readings in such a way; it is modelled and never named
     )
-    instead: str = ""  # words of the kernel of unknown.py that is this cause without its name
+    replaces: str = ""  # words of the kernel of unknown.py that is this cause without its name
 
     @property
     def is_cause(self) -> bool:
         return self.named
-
-    @property
-    def generalises(self) -> tuple[str, ...]:
-        return self.form_of
-
-    @property
-    def effect(self) -> Effect:
-        """Return the map as an effect of the finite elements: its amounts are the map (G,)."""
-        to_study = self.to_study
-        assert to_study is not None, "asked for only where a study can have the map"
-        return Effect(
-            self.name,
-            "material",
-            (),
-            enters="mechanics.effects",
-            signature=self.words,
-            confused_with=(),
-            separated_by="",
-            to_study=lambda study, shape, amounts: to_study(study, np.asarray(amounts)),
-            history=self.history,
-        )
 
     def values(self, mean: np.ndarray, covariance: np.ndarray) -> pd.DataFrame:
         """Return the rows of module.csv: the map with columns mean and sigma, of coefficients (q,) and (q, q)."""
@@ -77,8 +54,8 @@ class FreeForm:
     """What a file of `free_forms` defines."""
 
     name: str  # of the file
-    # The modules that readings may show, of the changes of the readings by the derivatives that they show at all
-    modules: Callable[[Context, Sequence[Candidate]], list[Module]]
+    # The module, if readings may show it, of the changes of the readings by the derivatives that they show at all
+    module: Callable[[Context, Sequence[Candidate]], Module | None]
     derivatives: tuple[Effect, ...] = ()  # solved for it alone: none of these is an answer
 
 
@@ -102,13 +79,3 @@ def sites(table: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
     """Return the places x_mm, y_mm of the readings, and the number of the first reading at each."""
     first = table.drop_duplicates(["x_mm", "y_mm"])
     return first[["x_mm", "y_mm"]].reset_index(drop=True), first.index.to_numpy()
-
-
-def blocks(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Return matrices (g, q) along a diagonal."""
-    rows = sum(len(part) for part in parts)
-    found, row, column = np.zeros((rows, sum(part.shape[1] for part in parts))), 0, 0
-    for part in parts:
-        found[row : row + len(part), column : column + part.shape[1]] = part
-        row, column = row + len(part), column + part.shape[1]
-    return found

@@ -12,19 +12,11 @@ import pandas as pd
 
 from gelforge.mismatch.evidence import places
 from gelforge.mismatch.evidence.covariance import Covariance, slowly
-from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.evidence.screen import Candidate, split
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.thresholds import PLACE_ERROR, SCATTERED, SEEN_ERROR
 
-# Of its change, and of the way to the next places: a defect lies up to half a spacing from the places that are tried.
-PLACE_ERROR = 0.5
-# Of a change of the flow, which is the mean motion's on a coarser mesh: for one sensor the mesh puts it off by 4 to 5 %, the
-# search finds 0.94 to 1.02 of it by distance (benchmarks/flow_changes.py); for others it may be twice that.
-SEEN_ERROR = 0.2
-# Of the same, from region to region, by which particles lie in each: 0.10 to 0.12 there, of one depth.
-SCATTERED = 0.1
-# Of a change, linear or solved: below it a difference of two solutions says no more than the derivative.
-SEATED_SNR = 1.0
 # Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
 ForcesWith = Callable[[Sequence[Candidate], Sequence[np.ndarray], np.ndarray], np.ndarray]
 
@@ -64,8 +56,6 @@ class Problem:
     ] = ()  # modules.Module: physics with a free form, its changes of the n entries of force
     # Forces (R, 3) [N] of effects that are not solved, on the base and a change (R, 3) of it; None: not known apart.
     read_with: ForcesWith | None = None
-    # Forces (R, 3) [N] with parts at amounts and the map (G,) of a module, solved; raises NotConverged. None: not known.
-    with_map: Callable[[Sequence[Candidate], Sequence[np.ndarray], Any, np.ndarray], np.ndarray] | None = None
     flow: Any = None  # flow.FlowChannel where images are judged with the forces
 
     @cached_property
@@ -96,21 +86,16 @@ class Problem:
         return self.effects[part.name]
 
     def with_model_error(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
-        """Return the problem with the errors of effects' own change at amounts (p,) in its covariance."""
-        return self.scattering(parts, amounts).erring(parts, amounts)
+        """Return the problem with the errors of effects' own change at amounts (p,) in its covariance.
 
-    def scattering(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
-        """Return the problem with what changes by effects at amounts (p,) err at each entry of the flow on its own."""
-        if self.flow is None or not any(map(self.error_of, parts)):
-            return self
-        change = np.column_stack([part.columns for part in parts]) @ amounts
-        own = np.where(self.labels["channel"] == "flow", SCATTERED * change, 0.0) ** 2
-        return replace(self, covariance=self.covariance.scattering(own))
-
-    def erring(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
-        """Return the problem with the errors that entries share of changes by effects at amounts (p,)."""
-        errors = self.errors_of(parts, amounts)
-        return replace(self, covariance=self.covariance.erring(errors)) if errors.size else self
+        Those that entries share, and what errs at each entry of the flow on its own.
+        """
+        errors, covariance = self.errors_of(parts, amounts), self.covariance
+        if self.flow is not None and any(map(self.error_of, parts)):
+            change = np.column_stack([part.columns for part in parts]) @ amounts
+            scattered = np.where(self.labels["channel"] == "flow", SCATTERED * change, 0.0) ** 2
+            covariance = covariance.scattering(scattered)
+        return replace(self, covariance=covariance.erring(errors)) if errors.size else self
 
     def errors_of(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
         """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
@@ -121,16 +106,14 @@ class Problem:
         """
         in_images = self.flow is not None and bool(self.change_error)
         least = np.where(self.labels["channel"] == "flow", SEEN_ERROR, 0.0) if in_images else 0.0
-        errors, at = [np.zeros((len(self.labels), 0))], 0
-        for part in parts:
-            own = amounts[at : at + part.columns.shape[1]]
-            at += len(own)
+        errors = [np.zeros((len(self.labels), 0))]
+        for part, own in zip(parts, split(parts, amounts)):
             change = np.maximum(self.error_of(part), least) * (part.columns @ own)
             if np.any(change):
                 errors.append(change[:, None] * self._errs)
-                errors += [
-                    PLACE_ERROR * (other.columns - part.columns) @ own for other in self._next_to(part)
-                ]
+                if "x_mm" in part.shape and part.moved_from is None and self.error_of(part):
+                    others = places.next_to(part, self.places_of(part))
+                    errors += [PLACE_ERROR * (other.columns - part.columns) @ own for other in others]
         return np.column_stack(errors)
 
     @cached_property
@@ -143,12 +126,6 @@ class Problem:
         return np.column_stack(
             [np.where((kind == k).to_numpy()[:, None], shares, 0.0) for k in kind.unique()]
         )
-
-    def _next_to(self, part: Candidate) -> list[Candidate]:
-        """Return the same effect's candidates at the places next to a part's; none where it has none, is found or exact."""
-        if "x_mm" not in part.shape or part.moved_from is not None or not self.error_of(part):
-            return []
-        return places.next_to(part, self.places_of(part))
 
     def readings_of(self, mask: np.ndarray) -> np.ndarray:
         """Return (R,) bool: the readings of which some entry (n,) bool is chosen."""
@@ -170,6 +147,31 @@ class Problem:
         """Return whether an effect is solved by the finite elements."""
         return self.effects[part.name].solved
 
+    def with_changes(self, which: Callable[[Candidate], bool], change_of: ForcesWith) -> Problem:
+        """Return the problem in which the change (R, 3) [N] by some parts is a function of these, their amounts and rows.
+
+        Other parts act on the forces that result: what reads them does so exactly, the rest by linear changes.
+        """
+
+        def forces_with(parts, amounts, rows):
+            chosen = [(part, a) for part, a in zip(parts, amounts) if which(part)]
+            others = [(part, a) for part, a in zip(parts, amounts) if not which(part)]
+            if not chosen:
+                return self.forces_with(parts, amounts, rows)
+            change = change_of([part for part, _ in chosen], [a for _, a in chosen], rows)
+            rest, values = [part for part, _ in others], [a for _, a in others]
+            if self.read_with is None:
+                forces = self.base + change + self.linear_change(rest, values)
+            else:
+                forces = self.read_with(rest, values, change)
+            return np.where(rows[:, None], forces, np.nan)
+
+        return replace(self, forces_with=forces_with)
+
+    def linearised(self) -> Problem:
+        """Return the problem with what is solved changing by its columns; what costs nothing acts as it does."""
+        return self.with_changes(self.solves, lambda parts, amounts, rows: self.linear_change(parts, amounts))
+
     def with_linear_history(self) -> Problem:
         """Return the problem with forces that take what is solved in order (softening) for linear.
 
@@ -178,17 +180,12 @@ class Problem:
 
         def forces_with(parts, amounts, rows):
             slow = [self.effects[part.name].path_dependent for part in parts]
-            if not any(slow):
-                return self.forces_with(parts, amounts, rows)
             others = [(part, a) for part, a, is_slow in zip(parts, amounts, slow) if not is_slow]
-            change = sum(
-                self.own(part).columns @ a for part, a, is_slow in zip(parts, amounts, slow) if is_slow
-            )
-            found = self.base.copy()
-            if others:
-                found = self.forces_with([part for part, _ in others], [a for _, a in others], rows)
-            found[self.observations.read] += change
-            return np.where(rows[:, None], found, np.nan)
+            forces = self.forces_with([part for part, _ in others], [a for _, a in others], rows)
+            if any(slow):
+                kept = [(part, a) for part, a, is_slow in zip(parts, amounts, slow) if is_slow]
+                forces = forces + self.linear_change([part for part, _ in kept], [a for _, a in kept])
+            return forces
 
         return replace(self, forces_with=forces_with)
 
@@ -196,14 +193,14 @@ class Problem:
         """Return whether something that is solved in order is among some effects."""
         return any(self.effects[part.name].path_dependent for part in parts)
 
-    def own(self, part: Candidate) -> Candidate:
+    def tried(self, part: Candidate) -> Candidate:
         """Return the problem's own candidate of a part's effect and tried shape."""
         return next(c for c in self.candidates if c.name == part.name and c.tried == part.tried)
 
     def slopes_of(self, part: Candidate) -> dict[str, places.Slope]:
         """Return what `places.slopes` gives of a part; nothing where it has no place or nothing is solved for it."""
         located = "x_mm" in part.shape and self.solves(part)
-        return places.slopes(self.own(part), self.places_of(part)) if located else {}
+        return places.slopes(self.tried(part), self.places_of(part)) if located else {}
 
     def places_of(self, part: Candidate) -> list[Candidate]:
         """Return the problem's candidates of a part's effect, one for each shape."""
@@ -211,10 +208,14 @@ class Problem:
 
     def columns_at(self, part: Candidate) -> np.ndarray:
         """Return the linear change (n, p) per unit by a part at its place, between places to first order."""
-        own, columns = self.own(part), self.own(part).columns
+        own, columns = self.tried(part), self.tried(part).columns
         for axis, slope in self.slopes_of(part).items():
             columns = columns + (float(part.shape[axis]) - float(own.shape[axis])) * slope.columns
         return columns
+
+    def at_its_place(self, part: Candidate) -> Candidate:
+        """Return a part with the problem's columns of all entries at the part's own place."""
+        return replace(part, columns=self.columns_at(part))
 
     def linear_change(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
         """Return the change (R, 3) [N] of the readings by parts at their places, to first order; 0 where none was read."""

@@ -1,33 +1,28 @@
-"""Effects at their own values and places in the real model: Gauss and Newton's steps, and the evidence there."""
+"""Effects at their own values and places in the real model: bounded least squares, and the evidence there."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import Enum
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
-from scipy.special import log_ndtr
+from scipy.optimize import least_squares
 
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.evidence.screen import Candidate, Screened
-from gelforge.mismatch.terms.problem import SEATED_SNR, Problem, secant
-from gelforge.mismatch.terms.variables import Variables, variables_of
+from gelforge.mismatch.evidence.gaussian import evidence
+from gelforge.mismatch.evidence.places import displaced
+from gelforge.mismatch.evidence.screen import Candidate, Screened, split
+from gelforge.mismatch.terms.problem import Problem, secant
 
-MOST_STEPS, MOST_CHEAP_STEPS = 4, 12  # where something is solved, and where nothing is
-STEPS_OF_PLACE = 4  # more, where a place is fitted too
+MOST_STEPS = 16  # of a fit; where a place is fitted each costs a solution
+# Of a place, whose columns are secants: gains of the cost (some 1,000) below a seventh of a standard deviation, and steps
+# below a hundredth of where it is from the start, are not waited for.
+OF_PLACE = {"ftol": 1e-5, "xtol": 1e-2}
 DIFFERENCE = 1e-3  # of a plausible value: for columns taken anew where nothing is solved
 PART_OF_A_WAY = 0.25  # half-way to the next place: across it the columns of ways are differences
-ENOUGH = 0.15  # of a posterior standard deviation: a step that no interval would show
-
-
-class End(Enum):
-    """How a fit ended."""
-
-    AT_REST = "at rest"
-    MOVING = "still moving"  # after its last step, or the solver could not follow it
+SEEN_SNR = 0.5  # of a way half to the next place: what the readings see less of is not fitted
+INSIDE = 1e-3  # of a bound's distance from zero that values keep from it, where it is not physical itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +35,9 @@ class Refitted:
         np.ndarray
     )  # (m, q) [N per unit, N/mm] of the entries that were fitted: of all amounts, then of places
     spread: np.ndarray  # (q, q) covariance of the same
-    ways: np.ndarray  # (n, q - p) [N/mm] linear change of all entries along the places' ways
-    # Laplace, against none, on these entries; shapes and scales are paid for.
-    log_bayes_factor: float
-    end: End
-
-    @property
-    def converged(self) -> bool:
-        """Return whether the next step would be below ENOUGH."""
-        return self.end is End.AT_REST
+    prior_sd: np.ndarray  # (q,) of the same
+    log_bayes_factor: float  # Laplace, against none, on these entries; shapes and scales are paid for
+    converged: bool  # not stopped by the number of its steps
 
     @property
     def name(self) -> str:
@@ -65,87 +54,59 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
     """Return the effects of a screened answer fitted to the entries (n,) bool. Raises NotConverged at the first solution.
 
     The place of what has one is fitted too, as far as the next that was tried, and a ball's size, along axes along which the
-    readings see it. placing: from where an earlier refit has placed it, which else stays.
+    readings see it. placing: from where an earlier refit has placed it, which else stays. Columns follow the solved change
+    (`secant`); where nothing is solved they are taken anew.
     """
     variables = variables_of(problem, start, mask, placing)
-    against = -problem.covariance.restricted(mask).log_density(problem.residual[mask])
-    against += start.log_bayes_factor - start.best_log_bayes_factor
-    a, change, J, end = _fitted(variables)
-    left = problem.residual[mask] - change
-    factor, spread = _evidence(left, variables, J, a, variables.free)
-    parts, amounts = variables.split(a)
-    return Refitted(parts, amounts, J, spread, variables.ways, factor + against, end)
+    residual, prior_sd, free = problem.residual[mask], variables.prior_sd, ~variables.binary
+    at, bounds = variables.first(), variables.bounds
+    low, high = (bound[free] / prior_sd[free] for bound in bounds)
 
+    def with_free(values: np.ndarray) -> np.ndarray:
+        """Return the variables (q,) of free ones in units of their priors; what is at a bound is that number."""
+        a, inside = at.copy(), values * prior_sd[free]
+        a[free] = np.where(values <= low, bounds[0][free], np.where(values >= high, bounds[1][free], inside))
+        return a
 
-def _fitted(variables: Variables) -> tuple[np.ndarray, np.ndarray, np.ndarray, End]:
-    """Return the variables (q,) that fit best, the change (m,) [N] there, its columns (m, q), and how the fit ended.
-
-    After the first step the columns follow the model's own change (`secant`);
-    where nothing is solved they are taken anew.
-    """
-    problem, mask = variables.problem, variables.mask
-    residual, prior_sd, (low, high) = problem.residual[mask], variables.prior_sd, variables.bounds
-    J, a = variables.columns(), variables.first()
-    covariance, change = variables.covariance(a), variables.change(a)
-    free, steps, reach = variables.free, 0, 1.0
-    solved = any(problem.solves(part) for part in variables.start.parts)
+    first = np.clip(at[free] / prior_sd[free], low, high)
+    at = with_free(first)
+    covariance, changes = variables.covariance(at), {at.tobytes(): variables.change(at)}
+    solved = any(problem.solves(part) for part in start.parts)
+    J = variables.columns()
     if solved:
-        J = _through(change, J, a, variables, covariance)
-        J = _along_ways(J, change, a, variables)
-    most = MOST_STEPS + STEPS_OF_PLACE * bool(variables.moves) if solved else MOST_CHEAP_STEPS
-    if not free.any():
-        return a, change, J, End.AT_REST
-    while True:
-        cost = _cost(residual - change, a, covariance, prior_sd)
-        Jw = covariance.whiten(J[:, free])
-        H = Jw.T @ Jw + np.diag(1 / prior_sd[free] ** 2)
-        gradient = Jw.T @ covariance.whiten(residual - change) - a[free] / prior_sd[free] ** 2
-        enough = np.maximum(ENOUGH * np.sqrt(np.diag(np.linalg.inv(H))), variables.enough[free])
-        delta = _step(H, gradient, a[free], low[free], high[free], np.ones(len(gradient), bool))
-        # A place at rest stays, and the values are those that fit best there.
-        at_rest = (np.abs(delta) <= enough) & (variables.enough[free] > 0)
-        delta = _step(H, gradient, a[free], low[free], high[free], ~at_rest)
-        converged = bool(np.all(np.abs(delta) <= enough))
-        delta /= max(1.0, np.max(np.abs(delta) / variables.farthest[free]))
-        if converged or steps == most:
-            return a, change, J, End.AT_REST if converged else End.MOVING
-        trial, found = a.copy(), None
-        for share in (1.0, 0.5, 0.25):  # the solver may not reach the whole step
-            trial[free] = np.clip(a[free] + share * reach * delta, low[free], high[free])  # rounding
+        J = secant(J, changes[at.tobytes()] - J @ at, at, prior_sd) if at.any() else J
+        J = _along_ways(J, changes[at.tobytes()], at, variables)
+
+    def misfit(values: np.ndarray) -> np.ndarray:
+        a = with_free(values)
+        if a.tobytes() not in changes:
             try:
-                found = variables.change(trial)
-                break
-            except NotConverged:
-                continue
-        if found is None:
-            return a, change, J, End.MOVING
-        worse = _cost(residual - found, trial, covariance, prior_sd) - cost
-        if not solved and worse > -ENOUGH:
-            # What is computed from images has a grain: nothing better can be seen.
-            return a, change, J, End.AT_REST
-        if solved:
-            step = (trial - a)[free]
-            J[:, free] = secant(J[:, free], found - change - J[:, free] @ step, step, prior_sd[free])
-        else:
-            J = _columns_at(variables, trial, found)
-        steps += 1
-        if solved and worse > ENOUGH**2:
-            reach /= 2  # a step too far has taught the columns, and is not taken; the next is shorter
-        else:
-            a, change, reach = trial, found, min(2 * reach, 1.0)
+                changes[a.tobytes()] = variables.change(a)
+            except NotConverged:  # a shorter step is tried
+                return np.full(len(residual) + len(values), np.inf)
+        return np.r_[covariance.whiten(residual - changes[a.tobytes()]), values]
 
+    def slope(values: np.ndarray) -> np.ndarray:
+        nonlocal J, at
+        a = with_free(values)
+        change, step = changes[a.tobytes()], a - at
+        if not solved:
+            J = _columns_at(variables, a, change)
+        elif step.any():
+            J = secant(J, change - changes[at.tobytes()] - J @ step, step, prior_sd)
+        at = a
+        return np.vstack([-covariance.whiten(J[:, free]) * prior_sd[free], np.eye(len(values))])
 
-def _through(
-    change: np.ndarray, J: np.ndarray, a: np.ndarray, variables: Variables, covariance: Covariance
-) -> np.ndarray:
-    """Return columns (m, q) through none at 0 and the first change (m,) solved at a (q,); ways grow as the change does."""
-    linear = J @ a
-    white = covariance.whiten(np.column_stack([linear, change]))
-    if np.linalg.norm(white, axis=0).min() < SEATED_SNR:
-        return J
-    J = J.copy()
-    J[:, variables.amounts :] *= float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
-    return secant(J, change - linear, a, variables.prior_sd)
+    converged = True
+    if free.any():
+        limits = OF_PLACE if variables.moves and solved else {}
+        fit = least_squares(misfit, first, slope, (low, high), "dogbox", max_nfev=MOST_STEPS, **limits)
+        converged, at = fit.status > 0, with_free(fit.x)
+    left = residual - changes[at.tobytes()]
+    factor, spread = _evidence(left, variables, J, at)
+    against = -problem.covariance.restricted(mask).log_density(residual)
+    against += start.log_bayes_factor - start.best_log_bayes_factor
+    return Refitted(*variables.split(at), J, spread, prior_sd, factor + against, converged)
 
 
 def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Variables) -> np.ndarray:
@@ -161,61 +122,135 @@ def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Var
     return J
 
 
-def _step(
-    H: np.ndarray, gradient: np.ndarray, a: np.ndarray, low: np.ndarray, high: np.ndarray, moving: np.ndarray
-) -> np.ndarray:
-    """Return Newton's step (q,) of those that move (q,) bool, the others held: the best within bounds.
-
-    What would go beyond a bound stays on it, and the others fit best beside that.
-    """
-    step = np.zeros(len(a))
-    if moving.any():
-        L = np.linalg.cholesky(H[np.ix_(moving, moving)])
-        room = (low - a)[moving], (high - a)[moving]
-        step[moving] = lsq_linear(L.T, solve_triangular(L, gradient[moving], lower=True), room, "bvls").x
-    return step
-
-
-def _cost(left: np.ndarray, a: np.ndarray, covariance: Covariance, prior_sd: np.ndarray) -> float:
-    """Return minus the log posterior of variables a (q,) that leave a residual (m,), but for a constant."""
-    white = covariance.whiten(left)
-    return 0.5 * float(white @ white + np.sum((a / prior_sd) ** 2))
-
-
 def _columns_at(variables: Variables, a: np.ndarray, change: np.ndarray) -> np.ndarray:
     """Return the columns (m, q) [N per unit] at a (q,), whose change is known, by differences."""
-    columns = []
-    for k, width in enumerate(variables.prior_sd):
-        beside = a.copy()
-        beside[k] += DIFFERENCE * width
-        columns.append((variables.change(beside) - change) / (DIFFERENCE * width))
-    return np.column_stack(columns)
+    steps = DIFFERENCE * np.diag(variables.prior_sd)
+    return np.column_stack([(variables.change(a + step) - change) / step.sum() for step in steps])
 
 
 def _evidence(
-    left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarray, free: np.ndarray
+    left: np.ndarray, variables: Variables, J: np.ndarray, a: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Return the log evidence of what is left (m,) by Laplace's approximation, and the covariance (q, q) of what is free.
-
-    Where a value's sign holds it at none, the posterior's slope there says how little of it lies on the allowed side.
-    """
-    covariance, prior_sd, signs = variables.covariance(a), variables.prior_sd, variables.signs
-    factor = covariance.log_density(left)
+    """Return the log evidence of what is left (m,) by Laplace's approximation, and the covariance (q, q) of what is free."""
+    covariance, free = variables.covariance(a), ~variables.binary
+    white = covariance.whiten(np.column_stack([left + J[:, free] @ a[free], J[:, free]]))
+    factor, prior_sd = covariance.log_density_of_white(white[:, 0]), variables.prior_sd[free]
     spread = np.zeros((len(a), len(a)))
     if free.any():
-        w = prior_sd[free]
-        Jw = covariance.whiten(J[:, free]) * w
-        H = np.eye(len(w)) + Jw.T @ Jw
-        inverse = np.linalg.inv(H)
-        factor -= 0.5 * float(np.sum((a[free] / w) ** 2)) + 0.5 * float(np.linalg.slogdet(H)[1])
-        slope = np.where(signs[free] != 0, Jw.T @ covariance.whiten(left) - a[free] / w, 0.0)
-        held = signs[free] * (a[free] / w + inverse @ slope) < 0
-        slope = np.where(held, slope, 0.0)
-        further = inverse @ slope  # to where the posterior would be largest
-        factor += 0.5 * float(slope @ further)
-        sd = np.sqrt(np.diag(inverse))
-        for scaled, error, sign in zip(a[free] / w + further, sd, signs[free]):
-            if sign:  # the prior lives on one side, and so does the posterior
-                factor += float(np.log(2) + log_ndtr(sign * scaled / error))
-        spread[np.ix_(free, free)] = w[:, None] * inverse * w
+        factor += evidence(white[:, 0], white[:, 1:], prior_sd, variables.signs[free])[0]
+        scaled = white[:, 1:] * prior_sd
+        inverse = np.linalg.inv(np.eye(len(prior_sd)) + scaled.T @ scaled)
+        spread[np.ix_(free, free)] = prior_sd[:, None] * inverse * prior_sd
     return factor, spread
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A part's way along an axis from the place that was tried."""
+
+    part: int
+    axis: str
+    slope: np.ndarray  # (n,) [N/mm] of the change by the part
+    half: float  # mm, half-way to the next place
+    low: float  # mm
+    high: float
+    at: float = 0.0  # mm, where it starts
+
+
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """q numbers: the values of an answer's parts in turn, and then the moves [mm] of those that have a place."""
+
+    problem: Problem
+    start: Screened
+    moves: tuple[Move, ...]
+    mask: np.ndarray  # (n,) bool, the m entries that are fitted
+
+    @property
+    def amounts(self) -> int:
+        """Return how many of them are values."""
+        return len(self.start.amounts)
+
+    @cached_property
+    def binary(self) -> np.ndarray:
+        """Return (q,) bool: what is on and not fitted."""
+        return self._each("binary", [False for _ in self.moves]).astype(bool)
+
+    @cached_property
+    def prior_sd(self) -> np.ndarray:
+        """Return the standard deviations (q,) of the priors; of a place that of an even spread half-way to the next."""
+        return self._each("prior_sd", [move.half / np.sqrt(3) for move in self.moves])
+
+    @cached_property
+    def signs(self) -> np.ndarray:
+        """Return (q,) 1 or -1: the only physical sign; 0: both."""
+        return self._each("signs", [0.0 for _ in self.moves])
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return lower and upper bounds (q,)."""
+        parameters = [p for part in self.start.parts for p in self.problem.effects[part.name].parameters]
+        ends = np.array([p.bounds for p in parameters])
+        inside = np.array([0.0 if p.closed else INSIDE for p in parameters])[:, None]
+        ends = np.where(np.isfinite(ends), ends * (1 - inside), ends)
+        moves = np.array([(move.low, move.high) for move in self.moves]).reshape(-1, 2)
+        low, high = np.concatenate([ends, moves]).T
+        return low, high
+
+    def first(self) -> np.ndarray:
+        """Return (q,) the numbers of the screened answer, within their bounds."""
+        a = np.concatenate([self.start.amounts, [move.at for move in self.moves]])
+        return np.where(self.binary, 1.0, np.clip(a, *self.bounds))
+
+    def columns(self) -> np.ndarray:
+        """Return the screen's columns (m, q) [N per unit, N/mm]."""
+        every = [part.columns for part in self.start.parts] + [move.slope[:, None] for move in self.moves]
+        return np.column_stack(every)[self.mask]
+
+    def split(self, a: np.ndarray) -> tuple[tuple[Candidate, ...], tuple[np.ndarray, ...]]:
+        """Return the parts at their places, with their linear change there, and the values of each."""
+        parts = list(self.start.parts)
+        for k in {move.part for move in self.moves}:
+            by = {move.axis: x for move, x in zip(self.moves, a[self.amounts :]) if move.part == k}
+            parts[k] = self.problem.at_its_place(displaced(parts[k], by))
+        return tuple(parts), tuple(split(parts, a[: self.amounts]))
+
+    def change(self, a: np.ndarray) -> np.ndarray:
+        """Return the change (m,) [N] of the fitted entries at a (q,). Raises NotConverged."""
+        parts, amounts = self.split(a)
+        forces = self.problem.forces_with(parts, amounts, self.problem.readings_of(self.mask))
+        return self.problem.observations.flat(forces - self.problem.base)[self.mask]
+
+    def covariance(self, a: np.ndarray) -> Covariance:
+        """Return the covariance of the fitted entries, errors of the change at a (q,) included."""
+        uncertain = self.problem.with_model_error(self.split(a)[0], a[: self.amounts])
+        return uncertain.covariance.restricted(self.mask)
+
+    def _each(self, name: str, of_moves: list) -> np.ndarray:
+        of_parts = [np.broadcast_to(getattr(part, name), part.columns.shape[1]) for part in self.start.parts]
+        return np.concatenate([*of_parts, of_moves])
+
+
+def variables_of(problem: Problem, start: Screened, mask: np.ndarray, placing: bool = False) -> Variables:
+    """Return what is varied in a refit of a screened answer: of places the ways that the fitted entries see.
+
+    What an earlier refit has placed stays there, and its value alone is fitted, unless it is placing: it then goes on.
+    """
+    parts = tuple(_tried(problem, part) if placing else part for part in start.parts)
+    moves, covariance, values = [], problem.covariance.restricted(mask), split(parts, start.amounts)
+    for k, (part, before, amounts) in enumerate(zip(parts, start.parts, values)):
+        slopes = problem.slopes_of(part) if part.moved_from is None else {}
+        for axis, slope in slopes.items():
+            way = slope.columns @ amounts
+            moved = float(before.shape[axis]) - float(part.shape[axis])
+            if moved or np.linalg.norm(covariance.whiten(way[mask])) * slope.half > SEEN_SNR:
+                moves.append(Move(k, axis, way, slope.half, slope.low, slope.high, moved))
+    return Variables(problem, replace(start, parts=parts), tuple(moves), mask)
+
+
+def _tried(problem: Problem, part: Candidate) -> Candidate:
+    """Return a part that a refit has moved, at the place that was tried."""
+    if part.moved_from is None:
+        return part
+    there = replace(part, shape=part.moved_from)
+    return replace(there, moved_from=None, columns=problem.columns_at(there))

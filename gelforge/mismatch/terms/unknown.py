@@ -16,13 +16,12 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.alternatives import TEMPERING, normalised
+from gelforge.mismatch.evidence.alternatives import normalised
 from gelforge.mismatch.evidence.covariance import Covariance, Draws
-from gelforge.mismatch.evidence.gaussian import evidence
-from gelforge.mismatch.evidence.screen import SCALES, Candidate, White, chance_of
+from gelforge.mismatch.evidence.screen import Candidate, chance_of, judged_by, log_evidence, whitened
 from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.thresholds import PLAUSIBLE, SCALES, TEMPERING
 
-PLAUSIBLE = 0.1  # of the pressing force, standard deviation; SCALES make it smaller
 MODES = {"depth": 6, "place": 4, "time": 8, "path": 3}  # cosines along each coordinate
 WITH_DEPTH, FROM_PLACE_TO_PLACE = "with depth", "from place to place"
 BESIDE = 3  # cosines over depth beside those of place, path or press
@@ -39,43 +38,29 @@ class Kernel:
 
     words: str
     directions: np.ndarray  # (n, q) [N], a standard deviation of PLAUSIBLE together
-    each: np.ndarray | None = (
-        None  # (n,) int, groups of entries that differ each by itself; None: all together
-    )
+    # (n,) int, groups of entries that differ each by itself; None: all together
+    groups: np.ndarray | None = None
+    form_of: tuple[str, ...] = ()  # effects of the catalogue that are the same cause in another form
 
     @property
     def is_cause(self) -> bool:
         """Return whether it is physics that can be claimed, with a form of its own."""
         return False
 
-    @property
-    def generalises(self) -> tuple[str, ...]:
-        """Return the effects of the catalogue that are the same cause in another form."""
-        return ()
-
     def beside(self, covariance: Covariance, scale: float) -> Covariance:
         """Return the covariance of n entries with this kernel at a scale of its plausible size."""
-        if self.each is None:
+        if self.groups is None:
             return covariance.extended(scale * self.directions)
         *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
-        own = self.draws(covariance)
-        wide = replace(own, directions=scale * own.directions)
-        return replace(covariance, levels=(*finer, wide, alike, common))
-
-    def draws(self, covariance: Covariance) -> Draws:
-        """Return the draws of this kernel, of which each indentation has its own, at its plausible size."""
-        assert self.each is not None
-        alike = covariance.levels[-2]
-        return Draws(np.where(self.each < 0, self.each.max() + 1 + alike.group, self.each), self.directions)
+        group = np.where(self.groups < 0, self.groups.max() + 1 + alike.group, self.groups)
+        return replace(covariance, levels=(*finer, Draws(group, scale * self.directions), alike, common))
 
 
 @dataclass(frozen=True)
 class Weighed:
     """The unknown beside an answer, or alone."""
 
-    factors: Mapping[
-        str, float
-    ]  # by kernel, in words: log, against the same without it, averaged over scales
+    factors: Mapping[str, float]  # by kernel: log, against the same without it, averaged over scales
     priors: Mapping[str, float]  # by kernel, log: each cause is as likely as all kernels without one together
     forms: Mapping[str, tuple[str, ...]]  # by kernel: effects that are the same cause in another form
 
@@ -87,14 +72,8 @@ class Weighed:
     @cached_property
     def shares(self) -> dict[str, float]:
         """Return the probability of each kernel if one of them is there; evidence counts for TEMPERING."""
-        return normalised(
-            {words: TEMPERING * factor + self.priors[words] for words, factor in self.factors.items()}
-        )
-
-    @property
-    def kernel(self) -> str:
-        """Return the likeliest, in words."""
-        return max(self.shares, key=self.shares.__getitem__)
+        weights = {words: TEMPERING * one + self.priors[words] for words, one in self.factors.items()}
+        return normalised(weights)
 
     def share_of(self, names: set[str]) -> float:
         """Return the probability that it is a cause which is one of some effects in another form, if it is there."""
@@ -123,19 +102,21 @@ def weighed_unknown(
             raise ValueError("what the parts leave is not given; give amounts and left with parts")
         covariance = problem.with_model_error(parts, amounts).covariance
         residual = left + np.column_stack([part.columns for part in parts]) @ amounts
-    exact = White.under(covariance, residual, parts)
-    model, without, found = _Beside.of(exact, parts), exact.log_evidence(parts), {}
+    r, white = covariance.whiten(residual), whitened(covariance, parts)
+    judged = judged_by(r, parts, white).log_bayes_factor if parts else 0.0
+    without, found = covariance.log_density(residual) + judged, {}
     for kernel in kernels:
-        if kernel.each is None:
-            directions = covariance.whiten(kernel.directions)
-            factors = [model.gain(scale * directions) for scale in SCALES]
+        if kernel.groups is None:
+            directions, q = covariance.whiten(kernel.directions), kernel.directions.shape[1]
+            drawn = Candidate(kernel.words, {}, kernel.directions, np.ones(q), np.zeros(q))
+            scaled = [replace(drawn, prior_sd=np.full(q, scale)) for scale in SCALES]
+            with_it = [judged_by(r, (*parts, one), [*white, directions]).log_bayes_factor for one in scaled]
+            factors = [factor - judged for factor in with_it]
         else:
-            draws = kernel.draws(covariance)
-            sizes = np.array(SCALES)[:, None] * np.ones(draws.directions.shape[1])
-            wider = White.with_draws(covariance, residual, parts, [draws], sizes)
-            factors = [white.log_evidence(parts) - without for white in wider]
+            wider = [kernel.beside(covariance, scale) for scale in SCALES]
+            factors = [log_evidence(one, residual, parts) - without for one in wider]
         found[kernel.words] = float(logsumexp(factors) - np.log(len(factors)))
-    return Weighed(found, log_priors(kernels), {kernel.words: kernel.generalises for kernel in kernels})
+    return Weighed(found, log_priors(kernels), {kernel.words: kernel.form_of for kernel in kernels})
 
 
 def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
@@ -143,45 +124,6 @@ def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
     plain = sum(not kernel.is_cause for kernel in kernels)
     share = -np.log(len(kernels) - plain + (plain > 0))
     return {kernel.words: float(share if kernel.is_cause else share - np.log(plain)) for kernel in kernels}
-
-
-@dataclass(frozen=True, eq=False)
-class _Beside:
-    """Parts with unknown values, whitened, beside which directions are weighed that all entries share."""
-
-    r: np.ndarray  # (n,) what is read, less what is switched on
-    columns: np.ndarray  # (n, p)
-    prior_sd: np.ndarray  # (p,)
-    signs: np.ndarray  # (p,)
-
-    @classmethod
-    def of(cls, exact: White, parts: Sequence[Candidate]) -> _Beside:
-        r, kept = exact.r, []
-        for part, white in zip(parts, exact.columns):
-            if part.binary:
-                r = r - white.sum(axis=1)
-            else:
-                p = white.shape[1]
-                kept.append((white, np.broadcast_to(part.prior_sd, p), np.broadcast_to(part.signs, p)))
-        if not kept:
-            return cls(r, np.zeros((len(r), 0)), np.zeros(0), np.zeros(0))
-        columns, prior_sd, signs = zip(*kept)
-        return cls(r, np.column_stack(columns), np.concatenate(prior_sd), np.concatenate(signs))
-
-    @cached_property
-    def without(self) -> float:
-        return evidence(self.r, self.columns, self.prior_sd, self.signs)[0]
-
-    def gain(self, directions: np.ndarray) -> float:
-        """Return the log evidence that directions (n, q), a standard normal draw each, give beside the parts."""
-        q = directions.shape[1]
-        joint = evidence(
-            self.r,
-            np.column_stack([self.columns, directions]),
-            np.concatenate([self.prior_sd, np.ones(q)]),
-            np.concatenate([self.signs, np.zeros(q)]),
-        )
-        return joint[0] - self.without
 
 
 @dataclass(frozen=True)
@@ -210,7 +152,7 @@ def kernels_of(problem: Problem) -> list[Kernel]:
     pressing = np.where(flow, 0.0, np.abs(problem.base[labels["reading"], 2]))
     press = np.where(flow, -1, np.unique(labels["press"], return_inverse=True)[1].ravel())
     found = kernels(labels, own, pressing, Span.of(labels), press)
-    named = {module.instead for module in problem.modules}
+    named = {module.replaces for module in problem.modules}
     return [one for one in found if one.words not in named] + [
         _padded(module, len(labels)) for module in problem.modules
     ]
