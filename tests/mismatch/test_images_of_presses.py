@@ -10,6 +10,7 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.effects.wall_side import SHAPES
 from gelforge.mismatch.fem import solver as solver_module
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of
@@ -46,7 +47,7 @@ def test_a_study_with_a_direction_has_no_images():
 @pytest.mark.parametrize("symmetry", D4)
 def test_a_side_goes_with_the_sensor(symmetry):
     """At the image it is the side that the symmetry carries to the path's own, of the same part."""
-    shapes, width = CATALOGUE["wall_side"].shapes(None), 16.0
+    shapes, width = [*SHAPES], 16.0
     out = {"x_low": (-1, 0), "x_high": (1, 0), "y_low": (0, -1), "y_high": (0, 1)}
     for shape, number in zip(shapes, numbers_at_image(shapes, symmetry, width)):
         image = shapes[number]
