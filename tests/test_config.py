@@ -61,7 +61,7 @@ def test_symmetry_leaves_few_sites_of_the_demo_and_the_benchmark_to_solve(name, 
 def test_a_part_that_is_needed_and_not_given_is_named():
     study = load_study("config/benchmark.yaml")
     assert needed(study.plan.file, "plan.file") is study.plan.file
-    with pytest.raises(ConfigError, match=r"synthesis is not given.*give it"):
+    with pytest.raises(ConfigError, match=r"synthesis is required.*add it"):
         needed(None, "synthesis")
 
 

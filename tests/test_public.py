@@ -135,7 +135,7 @@ def test_a_model_is_written_as_the_section_that_gives_it(parameters):
 
 def test_tests_of_several_materials_are_no_fit_of_one(monkeypatch):
     monkeypatch.setattr("gelforge.materials.readers.material_source.read_sources", lambda *_: [])
-    with pytest.raises(ConfigError, match="found none; name the folder of one"):
+    with pytest.raises(ConfigError, match="found tests of none.*name its folder"):
         gf.fit(EXAMPLES / "data/demo/materials")
 
 

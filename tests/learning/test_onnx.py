@@ -227,7 +227,7 @@ def test_damaged_files_give_one_line(written, tmp_path, damage, words):
         (foreign, "not one that gelforge has exported"),
         (of_another_version, "of format 'gelforge-onnx-7'"),
         (lambda b: b[:2000], "cannot read it"),
-        (lambda b: b.replace(b'"regions": 4', b'"regions": 5'), "not 50 features"),
+        (lambda b: b.replace(b'"regions": 4', b'"regions": 5'), "50 features are expected"),
         (lambda b: b.replace(b'"zero"', b'"zone"'), "metadata"),
     ],
     ids=["foreign", "version", "cut", "regions", "no thresholds"],

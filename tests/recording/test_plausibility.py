@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from field_case import study_file
+from field_case import session_folder, study_file
 from generated_sessions import FORCE, Kind, generate
 from numpy.testing import assert_allclose
 
@@ -493,7 +493,8 @@ FIELD = {
 def test_field_cases_give_their_right_answer(name, tmp_path):
     study = load_study(study_file(CASES / name / "study.yaml", tmp_path))
     try:
-        recording = read_recording(CASES / name / "recordings" / "s1", plan_cells(study), study.sensor)
+        session = session_folder(CASES / name / "recordings" / "s1", tmp_path)
+        recording = read_recording(session, plan_cells(study), study.sensor)
         said = recording.findings.lines("excluded")
     except RecordingError as error:
         said = [str(error)]
