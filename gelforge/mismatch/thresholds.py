@@ -40,7 +40,7 @@ MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too 
 # On recordings of 4 to 25 sites the largest of a scan's 75 to 230 correlated scores exceeds 3.5 to 3.7 by chance in 2.5 %,
 # so a change of 4 standard deviations is seen in about three of four cases, one of 2 hardly ever (test_identifiability).
 DETECTED_SNR = 4.0
-FELT_SNR = 0.5  # of a plausible value; below it the expected log evidence is at most SNR^2 / 2 = 1/8
+OBSERVABLE_SNR = 0.5  # of a plausible value; below it the expected log evidence is at most SNR^2 / 2 = 1/8
 ALIKE = 0.95  # correlation of sensitivities from which effects share a line: 0.31 of their change distinguishes them
 DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
 

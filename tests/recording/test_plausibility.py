@@ -1,21 +1,17 @@
 """Recordings that cannot be true are found, and honest ones that resemble them pass without any finding."""
 
-import os
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from field_case import session_folder, study_file
 from generated_sessions import FORCE, Kind, generate
 from numpy.testing import assert_allclose
 
-from gelforge.config import Sensor, load_study
+from gelforge.config import Sensor
 from gelforge.dataset.agreement import _measured
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.readings.sessions import observe
 from gelforge.recording.features import sample_rows
 from gelforge.recording.plausibility.findings import (
@@ -29,8 +25,6 @@ from gelforge.recording.plausibility.streams import read_force_log, spread_stamp
 from gelforge.recording.readings import read_readings, read_recording, write_readings
 from gelforge.recording.tables.checks import RecordingError
 
-SHARED = Path(os.environ.get("GELFORGE_SHARED", Path(__file__).parents[3] / "shared"))
-CASES = SHARED / "field_cases"
 SENSOR = Sensor.model_validate({"layers": [{"name": "gel", "thickness_mm": 6.0, "material": "m"}]})
 NO_OFFSET = {"offset_N": (0.0, 0.0, 0.0), "drift_N_per_s": 0.0}
 
@@ -474,34 +468,6 @@ def test_findings_survive_their_file_and_speak_one_line_a_test(tmp_path):
     assert [f.level for f in collect("s", made, ["gap"])] == ["note"] * 5
     with pytest.raises(ValueError, match="takes rows out"):
         Finding("gap", "excluded", "plan", "", "")
-
-
-# --------------------------------------------------------------------------------------------- field cases
-FIELD = {
-    "rec_good": None,
-    "img_good": None,
-    "img_good_dots": None,
-    "rec_ft_shared_stamps": None,
-    "rec_sensor_dies": r"repeats one value to the last digit from indentation p027 on .*27 indentations in all",
-    "rec_ft_gap": r"force has no sample in ft\.csv for 1\.\d+ s .*18 indentations in all",
-    "rec_tared_drift": r"zero rows of a tared session.*resolution 0\.001 N.*set force\.tared: false",
-}
-
-
-@pytest.mark.skipif(not CASES.is_dir(), reason=f"{CASES} is not here: inputs that people's reports suggested")
-@pytest.mark.parametrize("name", FIELD)
-def test_field_cases_give_their_right_answer(name, tmp_path):
-    study = load_study(study_file(CASES / name / "study.yaml", tmp_path))
-    try:
-        session = session_folder(CASES / name / "recordings" / "s1", tmp_path)
-        recording = read_recording(session, plan_cells(study), study.sensor)
-        said = recording.findings.lines("excluded")
-    except RecordingError as error:
-        said = [str(error)]
-    if FIELD[name] is None:
-        assert said == []
-    else:
-        assert len(said) == 1 and re.search(FIELD[name], said[0])
 
 
 def test_untouched_samples_stay(tmp_path):

@@ -53,7 +53,7 @@ def add_labels(commands) -> None:
         commands,
         "derive",
         "jobs.interpolation.derive",
-        "a job's mirrored and interpolated cells, written beside the solved ones",
+        "a job's mirrored and interpolated cells, written next to the solved ones",
     )
     derive.add_argument("--number", type=int, required=True, help="number of the job, from 0")
     add_laws(derive, nargs="+", required=True)
@@ -101,7 +101,7 @@ def add_labels(commands) -> None:
         commands,
         "agreement",
         "jobs.dataset.agreement",
-        "simulated beside measured total force, per indentation",
+        "simulated and measured total force, per indentation",
     )
     agreement.add_argument("--out", type=Path, required=True, help="CSV to write")
 

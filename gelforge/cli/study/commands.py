@@ -53,7 +53,7 @@ def add(commands) -> None:
         "row", type=int, nargs="?", help="depth step of a cell or row of a shard; the last if not given"
     )
     show.add_argument(
-        "--out", type=Path, help="PNG to write; beside the working directory's name of the file if not given"
+        "--out", type=Path, help="PNG to write; named after the file, in the working directory, if not given"
     )
 
     explain = add_command(

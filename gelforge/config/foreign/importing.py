@@ -12,6 +12,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from gelforge.config.basis.common import NonNegative, Positive, Section
+from gelforge.config.foreign.session_keys import check_acts_on
 from gelforge.config.foreign.table_form import Rows, TableForm
 from gelforge.config.studies.files import load_section
 from gelforge.units import UNITS, unit_named
@@ -286,11 +287,7 @@ class ImportMapping(Section):
 
     @model_validator(mode="after")
     def _session_keys(self):
-        force = self.session.get("force")
-        if not isinstance(force, dict) or "acts_on" not in force:
-            raise ValueError(
-                "session.force.acts_on is missing: the recorded force acts on the sensor, or on the indenter"
-            )
+        check_acts_on(self.session)
         if "session" in self.session:
             raise ValueError("session.session is the name of the folder that is written; leave it out")
         if "by" in (self.session.get("depth_zero") or {}):

@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from gelforge.config.basis.common import ConfigError, Section
+from gelforge.config.foreign.session_keys import check_acts_on
 from gelforge.config.studies.files import load_section, read_yaml
 from gelforge.units import UNITS, unit_named
 
@@ -93,11 +94,7 @@ class NamesMapping(Section):
 
     @model_validator(mode="after")
     def _session_keys(self):
-        force = self.session.get("force")
-        if not isinstance(force, dict) or "acts_on" not in force:
-            raise ValueError(
-                "session.force.acts_on is missing: the recorded force acts on the sensor, or on the indenter"
-            )
+        check_acts_on(self.session)
         return self
 
 

@@ -14,7 +14,7 @@ from gelforge.learning.networks import network_of
 WARM_UP = 0.15  # share of the steps in which the step size grows
 LAST_RATE = 1e-3  # of the largest step size, at the end
 WEIGHT_DECAY = 1e-4
-MUON_RATE = 1.5  # step size of Muon, over that of AdamW
+MUON_RATE = 1.5  # step size of Muon, over that of AdamW: of 8, 3 and 1.5 the smallest error on held-out simulated rows
 
 
 class Optimiser:
@@ -34,6 +34,10 @@ class Optimiser:
             return
         kernels = [layer.weight for layer in network.modules() if isinstance(layer, nn.Conv2d)]
         self._kernels = [(w, nn.Parameter(_matrix(w.detach()))) for w in kernels if w.shape[-1] > 1]
+        if any(w.data_ptr() != matrix.data_ptr() for w, matrix in self._kernels):
+            raise ValueError(
+                "kernels are copied to matrices and would not be trained; let channels come last in memory"
+            )
         taken = {id(kernel) for kernel, _ in self._kernels}
         others = [w for w in weights if id(w) not in taken]
         self._parts = [torch.optim.AdamW(others, lr=rate, weight_decay=WEIGHT_DECAY, fused=True)]

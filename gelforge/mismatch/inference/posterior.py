@@ -23,7 +23,15 @@ from gelforge.mismatch.inference.linear import Linear, scales_of
 from gelforge.mismatch.terms.problem import Problem
 from gelforge.mismatch.terms.unknown import Kernel, Weighed, weighed_unknown
 from gelforge.mismatch.terms.weighing import observable_ones, weighed, with_form_errors
-from gelforge.mismatch.thresholds import BEAM, BESIDE, CREDIBLE, FELT_SNR, MOST_WITH_ERROR, REACH, TEMPERING
+from gelforge.mismatch.thresholds import (
+    BEAM,
+    BESIDE,
+    CREDIBLE,
+    MOST_WITH_ERROR,
+    OBSERVABLE_SNR,
+    REACH,
+    TEMPERING,
+)
 from gelforge.progress import Progress
 
 Effects = frozenset[str]
@@ -216,7 +224,7 @@ def set_tables(linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
 def _observable(linear: Linear) -> np.ndarray:
     """Return which candidates (C,) bool show a plausible value in the readings."""
     squares = np.bincount(linear.owner, np.diag(linear.gram), len(linear.candidates))
-    return np.sqrt(squares) > FELT_SNR
+    return np.sqrt(squares) > OBSERVABLE_SNR
 
 
 def _by_effects(

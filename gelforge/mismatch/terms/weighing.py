@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.screen import Screened, chance_of, judged_under, screened
 from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.thresholds import FELT_SNR, FORM_ERRORS, NOTICED
+from gelforge.mismatch.thresholds import FORM_ERRORS, NOTICED, OBSERVABLE_SNR
 
 
 def observable_ones(ranked: Sequence[Screened]) -> list[Screened]:
@@ -18,7 +18,7 @@ def observable_ones(ranked: Sequence[Screened]) -> list[Screened]:
 
     One that they cannot show has evidence 0, which is no evidence and would win over what they refute.
     """
-    return [one for one in ranked if one.plausible_snr > FELT_SNR]
+    return [one for one in ranked if one.plausible_snr > OBSERVABLE_SNR]
 
 
 def chance_of_known(problem: Problem) -> float:
