@@ -1,6 +1,6 @@
 """Convolutional networks of any grids, and their keys in a study."""
 
-import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -102,10 +102,7 @@ def test_a_study_that_gives_widths_of_layers_means_the_papers_network():
 
 
 def test_the_guides_example_is_a_network(tmp_path, monkeypatch):
-    text = Path("docs/adding/network.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    file = tmp_path / "linear.py"
-    file.write_text(code, encoding="utf-8")
+    file = Path(shutil.copy("docs/adding/examples/linear.py", tmp_path))
     monkeypatch.setattr(networks, "__path__", [*networks.__path__, str(tmp_path)])
     network = network_of("linear").make(Learning(), Grids(7, 5, 3), 1)
     assert network(torch.randn(2, 98)).shape == (2, 45)

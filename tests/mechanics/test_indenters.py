@@ -4,8 +4,7 @@ The normal is the gradient of the gap and the turn that of the normal, by rates;
 inside and outside, found by looking everywhere.
 """
 
-import re
-from pathlib import Path
+from runpy import run_path
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ import solids
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
-from gelforge.mechanics.indenters import shapes
 from gelforge.mechanics.indenters.closed_surface import ClosedSurface, SurfaceError, closed_surface
 from gelforge.mechanics.indenters.shapes import (
     Box,
@@ -28,11 +26,7 @@ from gelforge.mechanics.indenters.shapes import (
 
 def guides_example():
     """Return the capsule that docs/adding/indenter.md shows."""
-    text = Path("docs/adding/indenter.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    names = dict(vars(shapes))
-    exec(code, names)
-    return names["Capsule"](2.0, 7.0)
+    return run_path("docs/adding/examples/capsule.py")["Capsule"](2.0, 7.0)
 
 
 TILT = rotation_about_axes((12.0, -7.0, 30.0))

@@ -1,6 +1,6 @@
 """docs/effects.md is what the catalogue says, and the effect that docs/adding/effect.md shows is a whole one."""
 
-import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 import gelforge.mismatch.effects as effects
 from gelforge.mismatch.summary.effects_table import PAGE, page, parameters
 
-ADDING = Path("docs/adding/effect.md")
+EXAMPLE = Path("docs/adding/examples/depth_scale.py")
 CATALOGUE = effects.CATALOGUE
 
 
@@ -40,8 +40,7 @@ def test_parameters_that_differ_by_name_only_are_told_once():
 
 def test_the_guides_example_is_an_effect(tmp_path, monkeypatch):
     """As printed it enters by its file; nothing of it is the base bit for bit, and it acts as the guide says."""
-    (text,) = re.findall(r"```python\n(.*?)```", ADDING.read_text(encoding="utf-8"), re.DOTALL)
-    (tmp_path / "depth_scale.py").write_text(text)
+    shutil.copy(EXAMPLE, tmp_path)
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
     effect = effects.found()["depth_scale"]
     context = artificial.context(per_side=2)

@@ -1,8 +1,8 @@
 """Causes with a free form: their maps do what they say, are found and named where they are hidden. ARTIFICIAL readings."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
+from runpy import run_path
 
 import artificial
 import numpy as np
@@ -27,7 +27,7 @@ from gelforge.mismatch.summary.model_section import correction_table
 from gelforge.mismatch.terms.body_map import BOX, WIDTH, boxes
 from gelforge.mismatch.terms.unknown import Weighed
 
-GUIDE = Path("docs/adding/free-form.md")
+EXAMPLE = Path("docs/adding/examples/speed_in_time.py")
 MIDDLE = artificial.WIDTH / 2
 
 
@@ -322,9 +322,7 @@ def test_chances_of_manners_add_up_to_that_of_something_unknown(modulus):
 
 
 def test_the_cause_that_the_page_shows_is_a_whole_one():
-    (text,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
-    file = {}
-    exec(text, file)
+    file = run_path(str(EXAMPLE))
     context = artificial.context(3, per_side=3)
     own = file["FREE_FORM"].module(context, ())
     assert own.directions.shape[1] == own.basis.shape[1] and len(own.map) == len(own.basis)

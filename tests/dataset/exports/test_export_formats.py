@@ -4,7 +4,7 @@ import base64
 import hashlib
 import io
 import json
-import re
+import shutil
 from pathlib import Path
 
 import h5py
@@ -17,7 +17,7 @@ from gelforge.dataset.exports import NAMES, format_of, formats
 from gelforge.dataset.exports.images import pixels
 from gelforge.dataset.exports.source import SPLITS, wrench
 
-GUIDE = Path("docs/adding/export.md")
+EXAMPLE = Path("docs/adding/examples/npz.py")
 PARQUET = ("huggingface", "croissant", "lerobot", "rocrate")
 
 
@@ -44,8 +44,7 @@ def test_a_file_is_a_format_and_its_sums_hold(name, exported):
 
 
 def test_the_guides_example_is_a_format(exported, expected, tmp_path, monkeypatch):
-    (text,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
-    (tmp_path / "npz.py").write_text(text, encoding="utf-8")
+    shutil.copy(EXAMPLE, tmp_path)
     monkeypatch.setattr(formats, "__path__", [*formats.__path__, str(tmp_path)])
     folder = exported("npz")
     for split in SPLITS:
