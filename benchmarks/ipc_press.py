@@ -1,4 +1,4 @@
-"""One press in gelforge and with incremental potential contact (ipctk), forces side by side: docs/ipc.md.
+"""One press in gelforge and with incremental potential contact (ipctk), forces side by side: docs/results/ipc.md.
 
 usage: python benchmarks/ipc_press.py [--ours 1.0 0.5] [--theirs 1.4 1.0] [--dhat 0.1 0.03 0.01] [--friction 0 0.5] [--quick]
 

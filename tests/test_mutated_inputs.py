@@ -1,4 +1,4 @@
-"""A small seeded set of `python -m benchmarks.faults inputs`; docs/faults.md has the table of the large one."""
+"""A small seeded set of `python -m benchmarks.faults inputs`; docs/results/faults.md has the table of the large one."""
 
 from collections import Counter
 

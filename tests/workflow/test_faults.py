@@ -1,4 +1,4 @@
-"""A small seeded set of the faults of benchmarks/faults.py on the finished test study; docs/faults.md has the large ones."""
+"""A small seeded set of the faults of benchmarks/faults.py on the finished test study; docs/results/faults.md has the large ones."""
 
 import os
 import subprocess
