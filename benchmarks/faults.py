@@ -6,8 +6,8 @@ usage: python -m benchmarks.faults inputs   [--seed 1] [--count 2000]   mutated 
        python -m benchmarks.faults workflow                             shell text, killed runs, cancelled Slurm jobs
        python -m benchmarks.faults code                                 a spoilt line for each battery of tests
 
-Run from the repository's root. Each prints a Markdown table for docs/results/faults.md and exits with 1 where a number is above
-what is held to. The same seed gives the same faults; --only KIND runs one kind, --list prints the kinds.
+Run from the repository's root. Each prints a table for docs/results/faults.md and exits with 1 where a number is above what
+is held to. The same seed gives the same faults; --only KIND runs one kind, --list prints the kinds.
 """
 
 from __future__ import annotations

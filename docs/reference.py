@@ -1,7 +1,7 @@
 """Write the pages of reference that come from the code: python docs/reference.py [verification]
 
-configuration.md, commands.md and columns.md; with `verification` the checks of the finite elements are run too, which takes
-a minute, and results/verification.md is written.
+configuration.md, commands.md, columns.md and recording-tests.md; with `verification` the checks of the finite elements are
+run too, which takes a minute, and results/verification.md is written.
 """
 
 import argparse
@@ -17,8 +17,10 @@ from gelforge.dataset.schema import COLUMNS as SHARD
 from gelforge.dataset.session_labels import PRESS_DATASETS
 from gelforge.files import write_text
 from gelforge.indentation.cells.cell_file import DATASETS as SITE
+from gelforge.live import messages
 from gelforge.live.record import COLUMNS as LIVE
 from gelforge.mismatch.result.verdict_tables import COLUMNS as VERDICT
+from gelforge.recording import plausibility
 from gelforge.recording.features import DATASETS as FEATURES
 from gelforge.verification.run import run_checks
 
@@ -129,8 +131,25 @@ def datasets(title: str, described: Mapping[str, tuple[str, str]]) -> str:
     return f"\n## {title}\n\n| dataset | unit | content |\n|:--|:--|:--|\n" + "".join(rows)
 
 
+def described_in(module: Any) -> str:
+    """Return the part of a module's docstring that begins with its first heading, as Markdown."""
+    return "## " + module.__doc__.partition("\n## ")[2]
+
+
+def recording_tests() -> str:
+    """Return the page of the tests that a recording has to pass."""
+    return (
+        "# Recordings that cannot be true\n\n"
+        + MARK.format("`gelforge.recording.plausibility`")
+        + "A finding is an *error* (nothing is made), an *exclusion* or a *note*. An exclusion takes the force, or the image,\n"
+        "of the named indentations out; more than half of a session excluded is an error. Each finding names its remedy;\n"
+        "`recordings/<session>.findings.csv` lists all. Confirm what is right by `confirmed: [TEST]` in `session.yaml`.\n\n"
+        + described_in(plausibility)
+    )
+
+
 def columns() -> str:
-    """Return the page of the datasets of HDF5 files and the columns of a verdict's tables."""
+    """Return the page of the datasets of HDF5 files, of messages and the columns of a verdict's tables."""
     shard = {
         f"{name} ({', '.join(('N', *column.shape))})": (column.unit, column.description)
         for name, column in SHARD.items()
@@ -149,6 +168,7 @@ def columns() -> str:
         + datasets("Features: `features/<session>.h5`", FEATURES)
         + datasets("Shards: `dataset/shard-*.h5`", shard)
         + datasets("Recordings of `gelforge live`", live)
+        + f"\n{described_in(messages)}"
         + "\n## Tables of a verdict\n\n| file | columns |\n|:--|:--|\n"
         + "".join(tables)
     )
@@ -172,7 +192,12 @@ def verification() -> str:
     )
 
 
-PAGES = {"configuration.md": configuration, "commands.md": commands, "columns.md": columns}
+PAGES = {
+    "configuration.md": configuration,
+    "commands.md": commands,
+    "columns.md": columns,
+    "recording-tests.md": recording_tests,
+}
 
 if __name__ == "__main__":
     pages = PAGES | ({"results/verification.md": verification} if "verification" in sys.argv[1:] else {})

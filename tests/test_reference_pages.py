@@ -1,10 +1,12 @@
 """The pages of reference are what docs/reference.py writes from the configuration and the commands."""
 
+import re
 from pathlib import Path
 
 import pytest
 
-from docs.reference import PAGES, configuration
+from docs.reference import PAGES, configuration, recording_tests
+from gelforge.recording.plausibility.session import TESTS
 
 ROOT = Path(__file__).parents[1]
 
@@ -19,3 +21,7 @@ def test_every_section_that_a_key_names_has_a_table():
     named = {word.partition(")")[0] for word in page.split("](#")[1:]}
     headings = {line.removeprefix("### ").lower() for line in page.splitlines() if line.startswith("### ")}
     assert named and named <= headings
+
+
+def test_every_test_of_a_recording_has_a_row():
+    assert set(re.findall(r"^\| `(\w+)`", recording_tests(), re.M)) == {*TESTS, "gap"}

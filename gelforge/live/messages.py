@@ -1,4 +1,21 @@
-"""What goes over the WebSocket, as JSON in which every number is finite (docs/live.md)."""
+"""What goes over the WebSocket, as JSON in which every number is finite (docs/live.md); docs/columns.md has the table below.
+
+## Messages of gelforge live
+
+| key | meaning |
+|:--|:--|
+| `type`, `n` | `"force"`, number of the frame |
+| `t_capture`, `t_sent`, `latency_ms` | when the frame was there and the message sent [s since 1970], the difference [ms] |
+| `state` | `touched`, `untouched` (forces are exactly zero), `no force` (see `problem`) |
+| `force_N`, `half_N` | total force on the sensor, x, y, z; half widths of the 90 % interval of the true force |
+| `cop_mm` | centre of pressure |
+| `contacts` | `force_N` and `cop_mm` of each contact, the strongest first |
+| `field_N`, `field_half_N` | with `?field=1`: the same for each bin k = nx iy + ix |
+| `warnings` | light, exposure, focus or the total from inverse elasticity differ: forces may be wrong |
+| `problem`, `trouble` | why this frame has no force; what went wrong with the last command |
+| `zero`, `recording` | how often the reference was taken anew; file |
+| `latency_p50_ms`, `latency_p99_ms`, `fps`, `dropped` | over the last 500 frames; over 2 s; so far |
+"""
 
 from __future__ import annotations
 

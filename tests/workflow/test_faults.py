@@ -1,4 +1,4 @@
-"""A small seeded set of the faults of benchmarks/faults.py on the finished test study; docs/results/faults.md has the large ones."""
+"""Some faults of benchmarks/faults.py on the finished test study; docs/results/faults.md has the large sets."""
 
 import os
 import subprocess
