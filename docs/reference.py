@@ -141,8 +141,8 @@ def recording_tests() -> str:
     return (
         "# Recordings that cannot be true\n\n"
         + MARK.format("`gelforge.recording.plausibility`")
-        + "A finding is an *error* (nothing is made), an *exclusion* or a *note*. An exclusion takes the force, or the image, "
-        "of\nthe named indentations out; more than half of a session excluded is an error. Each finding names its remedy;\n"
+        + "A finding is an *error* (nothing is made), an *exclusion* or a *note*. An exclusion takes the force, or the\n"
+        "image, of the named indentations out; more than half of a session excluded is an error. Findings name remedies;\n"
         "`recordings/<session>.findings.csv` lists all. Confirm what is right by `confirmed: [TEST]` in `session.yaml`.\n\n"
         + described_in(plausibility)
     )
