@@ -5,6 +5,7 @@ run too, which takes a minute, and results/verification.md is written.
 """
 
 import argparse
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -19,7 +20,7 @@ from gelforge.files import write_text
 from gelforge.indentation.cells.cell_file import DATASETS as SITE
 from gelforge.live import messages
 from gelforge.live.record import COLUMNS as LIVE
-from gelforge.mismatch.result.verdict_tables import COLUMNS as VERDICT
+from gelforge.mismatch.result import verdict_tables
 from gelforge.recording import plausibility
 from gelforge.recording.features import DATASETS as FEATURES
 from gelforge.verification.run import run_checks
@@ -155,9 +156,10 @@ def columns() -> str:
         for name, column in SHARD.items()
     }
     live = {name: ("", words) for name, (*_, words) in LIVE.items()}
+    content = dict(re.findall(r"^(\S+\.csv) +(.*)$", verdict_tables.__doc__, re.M))
     tables = (
-        f"| `{name}` | {', '.join(f'`{column}`' for column in (*needed, *optional))} |\n"
-        for name, (needed, optional) in VERDICT.items()
+        f"| `{name}` | {content[name]} | {', '.join(f'`{column}`' for column in (*needed, *optional))} |\n"
+        for name, (needed, optional) in verdict_tables.COLUMNS.items()
     )
     return (
         "# Datasets and columns\n\n"
@@ -169,7 +171,7 @@ def columns() -> str:
         + datasets("Shards: `dataset/shard-*.h5`", shard)
         + datasets("Recordings of `gelforge live`", live)
         + f"\n{described_in(messages)}"
-        + "\n## Tables of a verdict\n\n| file | columns |\n|:--|:--|\n"
+        + "\n## Tables of a verdict\n\n| file | content | columns |\n|:--|:--|:--|\n"
         + "".join(tables)
     )
 

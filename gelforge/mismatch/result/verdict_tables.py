@@ -1,11 +1,11 @@
-"""The tables beside verdict.json, which holds the SHA-256 of each.
+"""The tables next to verdict.json, which holds the SHA-256 of each; docs/columns.md lists them.
 
-readings.csv    one row per reading and axis: measured, base, after
-body_map.csv    where in the body the modulus would have to change, before any effect is named
-module.csv      the map of a cause with a free form, and its standard deviation
-correction.csv  what is modelled without a value of a known effect: by how much simulated forces change, by place and depth
-flow.csv        one row per indentation with images and region of the image: measured, base, after
-detection_limits.csv  the smallest value of each effect that these readings would show
+readings.csv    each reading and axis: measured, of the study (base), with the answer (after), held out or not
+body_map.csv    relative change of the modulus inside the body that would explain the forces
+module.csv      the map or curve of a cause with a free form, and its standard deviation
+correction.csv  a difference without a known cause, to add to the simulated force; valid within 6 mm of judged sites
+flow.csv        flow of judged images, by region: measured, of the study, with the answer
+detection_limits.csv  the smallest value of each effect that these readings would show, next to a plausible one
 """
 
 from __future__ import annotations
