@@ -88,8 +88,10 @@ def docs_rows() -> tuple[list[tuple[str, object]], list[str]]:
         long_cells += long
         longest = max(longest, (max(counts), name))
     every = sum(map(words, found.values()))
+    lettered = sum(bool(re.search(r"\w", word)) for text in found.values() for word in text.split())
     rows = [
         ("docs, hand-written words, notebooks and README included", every),
+        ("  of them with a letter or digit: no bars of tables", lettered),
         ("  generated pages, words", generated_words()),
         ("  sentences, mean words", f"{sum(lengths) / len(lengths):.1f}"),
         ("  sentences, longest", f"{longest[0]} ({longest[1]})"),
