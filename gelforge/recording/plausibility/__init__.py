@@ -37,7 +37,7 @@ The *floor* of an axis combines resolution and scatter at rest.
 | `image_readable` (error) | an image that is missing, cut or of another size | PNG, TIFF, JPEG, BMP of 8 and 16 bits |
 | `image_content` | less than a tenth of the reference's texture or light | dark corners, a dim session |
 | `image_content` (error) | a reference frame of less than 16 grey levels | |
-| `image_bands` | bands 30 % brighter or darker than the reference, in a tenth of images | shading by the indenter |
+| `image_bands` | bands 30 % brighter or darker, also in a tenth of untouched images | shading by the indenter |
 | `image_exposure` | brightness that steps by more than 15 % from before contact to depth | lamps that warm |
 | `image_repeats` | an image equal to an earlier one though the surface moved by 0.1 px | a noiseless camera at rest |
 | `image_in_step` (error) | images that lag or lead by up to 3, fit no row, or do not answer | shallow ones (a note) |
