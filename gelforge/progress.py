@@ -16,10 +16,10 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 
-FIRST_S = 5.0  # what ends sooner leaves no line in a log
-EVERY_S = 60.0
-SHARE = 0.1
-REWRITTEN_S = 0.1  # on a terminal
+# Seconds after which a log has its first line, and one again where less than this share more is done (judgement): a command
+# that is silent for longer looks broken, and ten hours make 600 lines.
+FIRST_S, EVERY_S, SHARE = 5.0, 60.0, 0.1
+REWRITTEN_S = 0.1  # on a terminal: a person sees no faster change
 
 _shown_by = 0  # the process that shows progress
 _shown: list[Progress] = []  # the outermost that runs
@@ -34,7 +34,30 @@ def show() -> None:
     _stages.clear()
 
 
-class Progress:
+class _Shown:
+    """What one command shows of a piece of work, on a terminal or in a log."""
+
+    def __init__(self, what: str, clock: Callable[[], float], rewritten: bool | None):
+        self.what, self._clock = what, clock
+        self._rewritten = sys.stderr.isatty() if rewritten is None else rewritten
+        self._start, self._lines = clock(), 0
+
+    def _seconds(self) -> float:
+        return self._clock() - self._start
+
+    def _print(self, words: str) -> None:
+        self._lines += 1
+        print_now(f"\r\033[2K{words}" if self._rewritten else words, end="" if self._rewritten else "\n")
+
+    def _end(self, words: str, failed: bool) -> None:
+        """Clear the line of a terminal; say in a log that has lines how long it took."""
+        if self._rewritten:
+            print_now("\r\033[2K", end="")
+        elif self._lines:
+            print_now(f"{words} {'stopped after' if failed else 'took'} {duration(self._seconds())}")
+
+
+class Progress(_Shown):
     """How far some work is: `with Progress("images", 340) as progress: ... progress.advance()`.
 
     total: None where nobody knows. first: how many of it were done before and cost nothing now. rewritten: as on a
@@ -49,9 +72,9 @@ class Progress:
         clock: Callable[[], float] = time.monotonic,
         rewritten: bool | None = None,
     ):
-        self.what, self.total, self.done, self._first, self._clock = what, total, first, first, clock
-        self._rewritten = sys.stderr.isatty() if rewritten is None else rewritten
-        self._start, self._told, self._told_done, self._lines = clock(), -FIRST_S, first, 0
+        super().__init__(what, clock, rewritten)
+        self.total, self.done, self._first = total, first, first
+        self._told, self._told_done = -FIRST_S, first
 
     def __enter__(self) -> Progress:
         if os.getpid() == _shown_by and not _shown:
@@ -60,16 +83,12 @@ class Progress:
         return self
 
     def __exit__(self, *error) -> None:
-        if self not in _shown:
-            return
-        _shown.remove(self)
-        if self._rewritten:
-            print_now("\r\033[2K", end="")
-            for stages in _stages:
-                stages.say()
-        elif self._lines:
-            end = "stopped after" if error[0] else "took"
-            print_now(f"{self.text()}; {end} {duration(self._clock() - self._start)}")
+        if self in _shown:
+            _shown.remove(self)
+            self._end(f"{self.text()};", bool(error[0]))
+            if self._rewritten:
+                for stages in _stages:
+                    stages.say()
 
     def advance(self, count: int = 1, note: str = "") -> None:
         """Count steps as done; note: what to say beside the count."""
@@ -82,15 +101,10 @@ class Progress:
         return f"{self.what}: {self.done}" + ("" if self.total is None else f" of {self.total}")
 
     def _tell(self, note: str) -> None:
-        seconds = self._clock() - self._start
-        if self.done == self.total or not self._is_time(seconds):
-            return
-        words = ", ".join(part for part in (self.text(), self.left(seconds), note) if part)
-        self._told, self._told_done, self._lines = seconds, self.done, self._lines + 1
-        if self._rewritten:
-            print_now(f"\r\033[2K{words}", end="")
-        else:
-            print_now(words)
+        seconds = self._seconds()
+        if self.done != self.total and self._is_time(seconds):
+            self._told, self._told_done = seconds, self.done
+            self._print(", ".join(filter(None, (self.text(), self.left(seconds), note))))
 
     def _is_time(self, seconds: float) -> bool:
         if self._rewritten:
@@ -110,7 +124,7 @@ class Progress:
         return f"about {duration(step * (self.total - self.done))} left"
 
 
-class Stages:
+class Stages(_Shown):
     """Work of several kinds, one after the other: `with Stages("verdict", 480.0): ...; stage("fits of effects")`.
 
     expected_s: how long all of it is expected to take [s]; None where nobody knows. at_most: it may be much less, as some of
@@ -126,10 +140,8 @@ class Stages:
         rewritten: bool | None = None,
         at_most: bool = False,
     ):
-        self.what, self.expected_s, self._clock = what, expected_s, clock
-        self._about = "at most about" if at_most else "about"
-        self._rewritten = sys.stderr.isatty() if rewritten is None else rewritten
-        self._start, self._now, self._lines = clock(), "", 0
+        super().__init__(what, clock, rewritten)
+        self.expected_s, self._about, self._now = expected_s, "at most about" if at_most else "about", ""
 
     def __enter__(self) -> Stages:
         if os.getpid() == _shown_by and not _shown and not _stages:
@@ -137,38 +149,29 @@ class Stages:
         return self
 
     def __exit__(self, *error) -> None:
-        if self not in _stages:
-            return
-        _stages.remove(self)
-        if self._rewritten:
-            print_now("\r\033[2K", end="")
-        elif self._lines:
-            print_now(
-                f"{self.what} {'stopped after' if error[0] else 'took'} {duration(self._clock() - self._start)}"
-            )
+        if self in _stages:
+            _stages.remove(self)
+            self._end(self.what, bool(error[0]))
 
     def begin(self, stage: str) -> None:
         """Show that a stage begins, in words."""
         self._now = stage
         first = not self._lines and (self.expected_s or 0) >= FIRST_S
-        if self._rewritten or first or self._clock() - self._start >= FIRST_S:
+        if self._rewritten or first or self._seconds() >= FIRST_S:
             self.say()
 
     def say(self) -> None:
         """Print what runs and about how long the rest will take."""
-        words = ", ".join(part for part in (self.what, self.left()) if part)
-        words += f": {self._now}" if self._now else ""
-        self._lines += 1
-        print_now(f"\r\033[2K{words}" if self._rewritten else words, end="" if self._rewritten else "\n")
+        words = ", ".join(filter(None, (self.what, self.left())))
+        self._print(words + (f": {self._now}" if self._now else ""))
 
     def left(self) -> str:
         """Return in words how long the rest is expected to take, "" where that is not known."""
         if self.expected_s is None:
             return ""
-        passed = self._clock() - self._start
-        if (left := self.expected_s - passed) >= 1:
+        if (left := self.expected_s - self._seconds()) >= 1:
             return f"{self._about} {duration(left)} left"
-        return f"{duration(passed)} so far, {duration(self.expected_s)} expected"
+        return f"{duration(self._seconds())} so far, {duration(self.expected_s)} expected"
 
 
 def stage(words: str) -> None:

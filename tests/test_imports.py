@@ -46,7 +46,10 @@ ROOMS = {
     "learning": ("basis", "elasticity", "networks", "models", "training", "judging", "deployment"),
     "materials": ("imaging", "basis", "plausibility", "small_tests", "readers", "covariates", "fitting"),
     "report": ("figures", "chapters", "verdict"),
-    "cli": ("common", "extras", "products", "camera", "study", "by_hand", "model", "jobs"),
+    "cli": (
+        *("values", "shared_arguments", "commands", "workflow_commands", "arguments", "tables", "extras"),
+        *("products", "camera", "study", "by_hand", "model", "jobs"),
+    ),
 }
 # The virtual lab draws what the recording stage reads, and judges nothing: it may use the camera and the session's files.
 SIDEWAYS = {("virtual_lab", "recording")}

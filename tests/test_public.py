@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from specimens import ONE_LAYER
 
 import gelforge as gf
-from gelforge.api import differentiable, materials, predictions, studies
+from gelforge.api import differentiable, materials, predictions, recordings, studies
 from gelforge.api import press as pressing
 from gelforge.config import ConfigError, LawParameters
 from gelforge.mechanics.laws.models import section_of
@@ -19,7 +19,7 @@ from gelforge.shipped import EXAMPLES
 
 
 @pytest.mark.parametrize(
-    ("module", "least"), [(pressing, 7), (materials, 5), (studies, 5), (differentiable, 9)]
+    ("module", "least"), [(pressing, 7), (materials, 5), (studies, 9), (differentiable, 10), (recordings, 4)]
 )
 def test_examples_are_true(module, least):
     found = doctest.testmod(module)

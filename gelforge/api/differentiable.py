@@ -82,6 +82,11 @@ def press_slopes(
     sensor, indenter, materials, mechanics, study
         As in `gelforge.press`.
 
+    Returns
+    -------
+    PressSlopes
+        Forces [N] in total (D, 3) and per bin (D, B, 3) at D steps, and their derivatives [N per unit] by name.
+
     Raises
     ------
     ConfigError
@@ -214,7 +219,18 @@ def torch_press(
 
 
 def effects_with_slopes() -> list[str]:
-    """Return the names of the effects that have a derivative along an indentation."""
+    """Return the names of the effects that have a derivative along an indentation.
+
+    Returns
+    -------
+    list of str
+        Keys that `effects` of `press_slopes` takes.
+
+    Examples
+    --------
+    >>> "friction" in effects_with_slopes()
+    True
+    """
     from gelforge.indentation.effects.catalogue import CATALOGUE
 
     return sorted(

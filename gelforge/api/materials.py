@@ -69,7 +69,13 @@ class Fitted:
         return {"parameters": section_of(self.law.law).model_dump(mode="json")}
 
     def save(self, path: str | Path) -> None:
-        """Write the file that `--laws` of the commands takes."""
+        """Write the file that `--laws` of the commands takes.
+
+        Parameters
+        ----------
+        path : path
+            The JSON file to write.
+        """
         from gelforge.materials.fitting.law_file import write_law
 
         write_law(Path(path), self.law)
@@ -97,6 +103,12 @@ def fit(
         How one is chosen: aicc (information criterion), held_out (prediction of tests left out) or first.
     loss : str
         linear, or soft_l1, which forgives outliers.
+
+    Returns
+    -------
+    Fitted
+        The chosen model [MPa] with the covariance of its parameters, all models that were tried, and what the tests say of
+        rate, cycles, age and temperature.
 
     Raises
     ------

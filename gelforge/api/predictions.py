@@ -38,6 +38,16 @@ def predict(
     ------
     ImageError
         Images that are missing or of another size than the model's.
+    ConfigError
+        An argument of another kind than these.
+
+    Examples
+    --------
+    A model is made by a study, so that this one is not run with the tests:
+
+    >>> import gelforge as gf
+    >>> for frame in gf.predict("results/mine/model/model.onnx", "images"):  # doctest: +SKIP
+    ...     print(frame.time_s, frame.force_N.sum(axis=0))
     """
     from gelforge.learning.deployment.predictor import Predictor, predict_frames
     from gelforge.recording.imaging.flow import read_grey

@@ -33,6 +33,18 @@ def read_recording(folder: str | Path, study: Study | str | Path | None = None) 
     ------
     RecordingError
         What cannot be read or cannot be true: file, row, value and remedy.
+    ConfigError
+        A session.yaml or a study with a wrong key or value.
+
+    Examples
+    --------
+    A session of real presses on a GelSight Mini:
+
+    >>> import gelforge as gf
+    >>> from gelforge.shipped import EXAMPLES
+    >>> recording = gf.read_recording(EXAMPLES / "data/gelsight_mini/feats")
+    >>> len(recording.readings), recording.session.sensor
+    (5, 'GelSight Mini')
     """
     from gelforge.indentation.planning.plan import plan_cells
     from gelforge.recording.readings import read_recording as read
@@ -72,6 +84,14 @@ def judge(recording: str | Path, study: Study | str | Path, out: str | Path, *, 
         A session that cannot be read.
     SolverFailed
         The simulation cannot be solved at the recorded sites.
+
+    Examples
+    --------
+    Minutes of finite elements, so that this one is not run with the tests:
+
+    >>> import gelforge as gf
+    >>> verdict = gf.judge("data/mine/recordings/day1", "config/mine.yaml", "out")  # doctest: +SKIP
+    >>> print(verdict.state, verdict.sentence)  # doctest: +SKIP
     """
     from gelforge.mismatch.pipeline.stage import judge_folder
 

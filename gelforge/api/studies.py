@@ -18,6 +18,11 @@ SMOKE = Path("config/smoke")
 def sensors() -> list[str]:
     """Return the names of the shipped sensors (docs/sensors.md); `sensor(name)` is the study of one.
 
+    Returns
+    -------
+    list of str
+        In alphabetical order.
+
     Examples
     --------
     >>> import gelforge as gf
@@ -29,6 +34,17 @@ def sensors() -> list[str]:
 
 def sensor(name: str) -> Study:
     """Return the smoke study of a shipped sensor: its geometry, materials, indenter, mesh and a small plan.
+
+    Parameters
+    ----------
+    name : str
+        One of `gelforge.sensors()`.
+
+    Returns
+    -------
+    Study
+        Its parts are attributes, with the keys of the configuration: `sensor`, `indenter`, `materials`, `mechanics`, `plan`.
+        Lengths are mm, moduli as their keys say.
 
     Raises
     ------
@@ -60,10 +76,28 @@ def shipped_like(name: Any) -> str:
 def load_study(path: str | Path) -> Study:
     """Return the validated study that a YAML file describes.
 
+    Parameters
+    ----------
+    path : path
+        The study's YAML file. Files that it names are looked for from the working folder.
+
+    Returns
+    -------
+    Study
+        As `gelforge.sensor` returns it.
+
     Raises
     ------
     ConfigError
         A file that is missing or no study; every wrong key with its value, the limit and the remedy.
+
+    Examples
+    --------
+    >>> import gelforge as gf
+    >>> from gelforge.shipped import EXAMPLES
+    >>> study = gf.load_study(EXAMPLES / "config/paper.yaml")
+    >>> study.study, study.sensor.height_mm
+    ('paper', 6.0)
     """
     found = arguments.path("path", path, "a study's YAML file")
     if not found.exists() and not found.suffix and (near := shipped_like(path)):
@@ -93,6 +127,11 @@ def paper_study() -> Study:
 
 def indenters() -> list[str]:
     """Return the kinds of indenters; the keys of each are in config/schema.json.
+
+    Returns
+    -------
+    list of str
+        Values of the key `kind` of an indenter.
 
     Examples
     --------

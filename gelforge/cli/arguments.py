@@ -8,11 +8,10 @@ import re
 from difflib import get_close_matches
 from typing import NoReturn
 
-from gelforge.cli.by_hand import commands as by_hand
-from gelforge.cli.camera import commands as camera
-from gelforge.cli.jobs import commands as jobs
-from gelforge.cli.model import commands as model
-from gelforge.cli.study import commands as study
+from gelforge.cli.commands import COMMANDS
+from gelforge.cli.shared_arguments import Command, OneOf
+from gelforge.cli.values import study_file, study_names
+from gelforge.cli.workflow_commands import COMMANDS as WORKFLOW_COMMANDS
 
 GROUPS = """\
 a study            init, examples, check, show, explain, report, tables, adapt, unlock
@@ -70,10 +69,25 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("--version", action="version", version=__version__)
-    commands = top.add_subparsers(metavar="COMMAND", required=True)
-    for add in (  # in the order in which --help lists them: the network's jobs stand between those of labels and of tables
-        *(study.add, by_hand.add, camera.add, model.add_use),
-        *(jobs.add_labels, model.add_learning, jobs.add_results, jobs.add_virtual_lab),
-    ):
-        add(commands)
+    places: dict[str, argparse._SubParsersAction] = {"": top.add_subparsers(metavar="COMMAND", required=True)}
+    parsers: dict[str, argparse.ArgumentParser] = {}
+    for name, command in (COMMANDS | WORKFLOW_COMMANDS).items():
+        above, _, own = name.rpartition(" ")
+        if above not in places:
+            places[above] = parsers[above].add_subparsers(metavar=own)
+        parsers[name] = places[above].add_parser(own, help=command.text, description=command.text)
+        _fill(parsers[name], command)
     return top
+
+
+def _fill(parser: argparse.ArgumentParser, command: Command) -> None:
+    """Add the arguments of a command to its parser."""
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    parser.set_defaults(run=command.run)
+    for row in command.arguments:
+        one_of = isinstance(row, OneOf)
+        place = parser.add_mutually_exclusive_group(required=True) if one_of else parser
+        for names, settings in row.arguments if isinstance(row, OneOf) else [row]:
+            added = place.add_argument(*names, **settings)
+            if added.type is study_file:
+                added.completer = study_names  # type: ignore[attr-defined]

@@ -20,7 +20,23 @@ class NotebookStop(ValueError):
 
 
 def require(*extras: str) -> None:
-    """Raise NotebookStop, which names the command that installs them, where packages of these extras are missing."""
+    """Stop the notebook where packages of these extras are missing.
+
+    Parameters
+    ----------
+    *extras : str
+        Extras of the installation: workflow, learning, live, bags, export.
+
+    Raises
+    ------
+    NotebookStop
+        Names what is missing and the command that installs it.
+
+    Examples
+    --------
+    >>> import gelforge as gf
+    >>> gf.require("learning")
+    """
     if unknown := sorted(set(extras) - set(EXTRAS)):
         raise NotebookStop(f"no extras {unknown}; there are {', '.join(EXTRAS)}")
     lacking = {extra: [name for name in EXTRAS[extra] if find_spec(name) is None] for extra in extras}
@@ -30,10 +46,24 @@ def require(*extras: str) -> None:
 
 
 def run(command: str, quiet: bool = False) -> None:
-    """Run a command of gelforge or Snakemake in the notebook's folder and Python, and print what it prints (quiet: nothing).
+    """Run a command of gelforge or Snakemake in the notebook's folder and Python, and print what it prints.
 
-    Example: run("gelforge check mine"). Raises NotebookStop where the command is another one, lacks its extra, or fails:
-    then with its last line.
+    Parameters
+    ----------
+    command : str
+        The command line.
+    quiet : bool
+        Print nothing.
+
+    Raises
+    ------
+    NotebookStop
+        Another program, an extra that is missing, or a command that fails: then with its last line.
+
+    Examples
+    --------
+    >>> import gelforge as gf
+    >>> gf.run("gelforge sensors", quiet=True)
     """
     if not isinstance(command, str):
         raise NotebookStop(f'{command!r}: a command as text is needed, such as "gelforge check mine"')

@@ -25,11 +25,11 @@ from collections import deque
 
 import numpy as np
 
+from gelforge.learning.models.reliability import COVER
 from gelforge.live.compute import Reading
 
-VERSION = 1
-COVER = 0.9  # of the intervals
-KEPT = 500  # latencies of which percentiles are reported
+VERSION = 1  # of the messages in docs/live.md
+KEPT = 500  # latencies of which percentiles are reported: five lie above the 99th
 WINDOW_S = 2.0  # over which frames per second are counted
 
 

@@ -45,7 +45,7 @@ class Notices:
         now, present = self._clock(), set()
         for texts, lasts in ((problems, 0.0), (warnings, LASTS_S)):
             for text in filter(None, texts):
-                name = _without_numbers(text.removeprefix(f"{frame}: "))
+                name = re.sub(r"[0-9.]+", "", text.removeprefix(f"{frame}: "))
                 present.add(name)
                 self._came(self._kinds.setdefault(name, _Kind(text)), text, lasts, now)
         for name in self._kinds.keys() - present:
@@ -79,7 +79,3 @@ class Notices:
             self._say(f"{often} in the last {now - kind.missed_since:.0f} s, for a moment: {kind.text}")
         elif not kind.missed and now - kind.last >= EVERY_S:
             del self._kinds[name]
-
-
-def _without_numbers(text: str) -> str:
-    return re.sub(r"[0-9.]+", "", text)

@@ -17,8 +17,10 @@ from gelforge.files import no_room
 from gelforge.live.compute import Reading
 
 FORMAT = "gelforge-live-1"
-WAITING = 2000  # readings; more than a disk keeps up with are left out and counted
-FLUSH_S = 1.0
+WAITING = (
+    2000  # readings, a minute at 30 frames per second; what a disk that is slower still misses is counted
+)
+FLUSH_S = 1.0  # of readings are lost at most where the process is killed
 # name: (shape of a row, type, description)
 COLUMNS = {
     "number": ((), "i8", "number of the frame, from 0 [1]"),

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
-import gelforge
 from gelforge.calibration.results import CALIBRATION
-from gelforge.files import read_product_json, write_text
+from gelforge.files import read_product_json
 from gelforge.mismatch.result.verdict import PAGE
 from gelforge.mismatch.result.verdict_tables import READINGS, read_table
 from gelforge.report.chapters.chapter import Chapter, Facts
-from gelforge.report.figures.style import MEASURED, PUBLISHED, SIGNED, SIMULATED, new_figure, styled
-from gelforge.report.page import environment
+from gelforge.report.figures.style import SIGNED, new_figure, styled
+from gelforge.report.page import write_page
+from gelforge.report.verdict.mismatch_curves import depth_figure
+from gelforge.report.verdict.mismatch_reader import JudgedReadings
 
-MOST_CURVES = 4  # sites that are drawn
 Content = dict[str, Any]
 
 
@@ -31,18 +30,9 @@ def write_calibration_page(folder: str | Path, written: datetime | None = None) 
     readings = read_table(folder, READINGS, content["tables"])
     assert readings is not None  # a calibration always writes it
     chapters = [in_short(content), curves(readings), residuals(readings), apart(content), origin(content)]
-    templates = environment()
-    html = templates.get_template("calibration.html").render(
-        title=content["title"],
-        synthetic=content["synthetic"],
-        sentence="; ".join(_value(one) for one in content["parameters"]),
-        chapters=chapters,
-        style=Markup(templates.get_template("report.css").render()),
-        version=gelforge.__version__,
-        written=(written or datetime.now(UTC)).strftime("%Y-%m-%d %H:%M UTC"),
-    )
-    write_text(folder / PAGE, html)
-    return folder / PAGE
+    head = {key: content[key] for key in ("title", "synthetic")}
+    sentence = "; ".join(_value(one) for one in content["parameters"])
+    return write_page(folder / PAGE, "calibration.html", chapters, written, sentence=sentence, **head)
 
 
 def _value(one: Content) -> str:
@@ -93,47 +83,11 @@ def curves(readings: pd.DataFrame) -> Chapter:
     """Return force over depth before and after at a few sites, and what is left."""
     chapter = Chapter("curves", "Force over depth")
     chapter.show(
-        "Readings, the study at the priors' means (before), and calibrated by all readings (after); below, residuals"
-        " with the errors allowed for (two standard deviations).",
-        curve_figure(readings),
+        "Grey is the study at the priors' means (before), blue calibrated by all readings (after), orange the readings."
+        " Below are residuals. Bands are two standard deviations of the errors allowed for.",
+        depth_figure(JudgedReadings(readings)),
     )
     return chapter
-
-
-@styled
-def curve_figure(readings: pd.DataFrame) -> Figure:
-    """Return -Fz over depth and what is left of it, at sites far apart."""
-    table = readings[readings["axis"] == "z"]
-    sites = list(table["site"].unique())
-    shown = sites[:: max(1, len(sites) // MOST_CURVES)][:MOST_CURVES]
-    figure, axes = new_figure(
-        1.0 + 3.2 * len(shown), 4.8, nrows=2, ncols=len(shown), sharex=True, sharey="row"
-    )
-    for (upper, lower), site in zip(axes.T, shown):
-        own = table[table["site"] == site].sort_values("depth_mm")
-        depth, measured = own["depth_mm"], own["measured_N"]
-        means = own.groupby("depth_mm")[["base_N", "after_N", "sigma_N"]].mean()
-        for name, colour, line, label in (
-            ("base_N", PUBLISHED, "--", "before"),
-            ("after_N", SIMULATED, "-", "after"),
-        ):
-            force = np.concatenate([[0.0], -means[name]])
-            upper.plot([0.0, *means.index], force, line, color=colour, label=label)
-            lower.plot(
-                depth, own[name] - measured, "o", ms=3, color=colour, label=f"{label}: measured − simulated"
-            )
-        upper.plot(depth, -measured, "o", ms=4, color=MEASURED, label="measured")
-        band = 2 * means["sigma_N"]
-        lower.fill_between(means.index, -band, band, color="#E6E6E6", lw=0, label="errors allowed for")
-        held = " (held out)" if (own["held_out"] != "no").any() else ""
-        upper.set_title(f"({own['x_mm'].iloc[0]:.3g}, {own['y_mm'].iloc[0]:.3g}) mm{held}", fontsize=9.5)
-        lower.set_xlabel("depth [mm]")
-    axes[0, 0].set_ylabel("$-F_z$ [N]")
-    axes[1, 0].set_ylabel("residual of $-F_z$ [N]")
-    handles = dict(zip(*axes[0, 0].get_legend_handles_labels()[::-1]))
-    handles |= dict(zip(*axes[1, 0].get_legend_handles_labels()[::-1]))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
-    return figure
 
 
 def residuals(readings: pd.DataFrame) -> Chapter:

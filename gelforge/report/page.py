@@ -63,19 +63,27 @@ def write_report(
     out_html, written = Path(out_html), written or datetime.now(UTC)
     results = StudyResults(study, Path(results_folder), None if paper_folder is None else Path(paper_folder))
     chapters = [make(results) for make in tracked(CHAPTERS, "chapters of the report")]
-    write_text(out_html, render(study, results, chapters, written))
+    head = {
+        "study": study,
+        "synthetic": " and ".join(results.synthetic_parts),
+        "failed": len(results.not_converged()),
+    }
+    write_page(out_html, "report.html", chapters, written, report="", **head)
     if checks := verification_chapter.verification_table(results, out_html.name):
-        write_text(
-            out_html.with_name(verification_chapter.PAGE),
-            render(study, results, [checks], written, out_html.name),
-        )
+        page = out_html.with_name(verification_chapter.PAGE)
+        write_page(page, "report.html", [checks], written, report=out_html.name, **head)
     return [
         block.words for chapter in chapters for block in chapter.blocks if getattr(block, "missing", False)
     ]
 
 
-def environment() -> Environment:
-    """Return the templates of all pages: text is escaped, a name that is not there is an error."""
+def write_page(
+    path: Path, template: str, chapters: list[Chapter], written: datetime | None = None, **head
+) -> Path:
+    """Write a page of chapters under a template's head, and return its path; head: what the template names.
+
+    Text is escaped, and what stands between backticks is code; a name that is not there is an error.
+    """
     templates = Environment(
         loader=PackageLoader("gelforge.report", "templates"),
         autoescape=True,
@@ -84,27 +92,17 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     templates.filters["code"] = code
-    return templates
+    html = templates.get_template(template).render(
+        chapters=chapters,
+        style=Markup(templates.get_template("report.css").render()),
+        version=gelforge.__version__,
+        written=(written or datetime.now(UTC)).strftime("%Y-%m-%d %H:%M UTC"),
+        **head,
+    )
+    write_text(path, html)
+    return path
 
 
 def code(value: object) -> Markup:
     """Return a text for a page: escaped, with what stands between backticks as code."""
     return Markup(BACKTICKS.sub(r"<code>\1</code>", str(escape(str(value)))))
-
-
-def render(
-    study: Study, results: StudyResults, chapters: list[Chapter], written: datetime, report: str = ""
-) -> str:
-    """Return the page's HTML; report: the file name of the study's report, where this is another page."""
-    templates = environment()
-    style = Markup(templates.get_template("report.css").render())
-    return templates.get_template("report.html").render(
-        study=study,
-        synthetic=" and ".join(results.synthetic_parts),
-        failed=len(results.not_converged()),
-        chapters=chapters,
-        report=report,
-        style=style,
-        version=gelforge.__version__,
-        written=written.strftime("%Y-%m-%d %H:%M UTC"),
-    )

@@ -140,10 +140,7 @@ def _quadrature(kind: Element) -> tuple[np.ndarray, np.ndarray]:
         return points, weights
     # The cube collapsed to a tetrahedron (Stroud 1971): z = c, y = b (1 - c), x = a (1 - b) (1 - c).
     a, b, c = ((points + 1) / 2).T
-    return (
-        np.stack([a * (1 - b) * (1 - c), b * (1 - c), c], axis=-1),
-        weights / 8 * (1 - b) * (1 - c) ** 2,
-    )
+    return (np.stack([a * (1 - b) * (1 - c), b * (1 - c), c], axis=-1), weights / 8 * (1 - b) * (1 - c) ** 2)
 
 
 def _at_points(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ from gelforge.verification.elements import GEL, distorted
 
 # ------------------------------------------------------------------------------------- small strain, known solutions
 NEO_HOOKE = Ogden((0.02,), (2.0,))  # MPa
-BULK_TO_SHEAR = 1000.0
+BULK_TO_SHEAR = 1000.0  # Poisson's ratio 0.4995
 NU = poissons_ratio(BULK_TO_SHEAR)
 RADIUS = (
     100.0  # mm: at a contact radius of 1 mm the strains are some 0.01, and a ball is a paraboloid to 1e-4
@@ -111,10 +111,7 @@ def contact_patch() -> list[Check]:
     """
     height, depth, mu = 2.0, 0.01, 0.02
     mesh = layered_block(
-        Block(4.0, 4.0, (("gel", height),)),
-        2.0,
-        2.0,
-        Sizes(near=0.5, near_radius=0.6, growth=0.4, far=1.0),
+        Block(4.0, 4.0, (("gel", height),)), 2.0, 2.0, Sizes(near=0.5, near_radius=0.6, growth=0.4, far=1.0)
     )
     inside = ((mesh.X > mesh.X.min(axis=0) + 1e-9) & (mesh.X < mesh.X.max(axis=0) - 1e-9)).all(axis=1)
     mesh = replace(distorted(replace(mesh, fixed=~inside), 0.2), fixed=mesh.fixed)
@@ -178,7 +175,7 @@ def _press_flat(mesh: Mesh, middle: float, depths) -> tuple[list[State], Press]:
 
 # --------------------------------------------------------------------------------------- finite strain, what must hold
 SKIN = Ogden((85.1168e-3, -0.0020e-3), (2.8991, -8.2915))
-WIDTH, POSITION, DEPTHS = 16.0, (10.9, 10.3), (0.4, 0.8, 1.2)
+WIDTH, POSITION, DEPTHS = 16.0, (10.9, 10.3), (0.4, 0.8, 1.2)  # mm; the place is off every line of symmetry
 # Iterated until rounding decides: what is left then is the formulation's own.
 ROUNDING = Settings(force_tolerance=1e-11, gap_tolerance=1e-11, volume_tolerance=1e-12)
 FRICTIONLESS = replace(ROUNDING, friction=0.0)

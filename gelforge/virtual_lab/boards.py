@@ -12,7 +12,7 @@ from gelforge.recording.optics.camera import unproject
 
 PX_PER_SQUARE, MARGIN = 60, 1.0  # of the drawn board; white around it, in squares
 FINER = 2  # rays per pixel along each axis
-BLACK, WHITE, GROUND = 30, 220, 128
+BLACK, WHITE, GROUND = 30, 220, 128  # grey levels of a print in daylight, of which noise clips none
 BLUR_PX, NOISE_GREY = 0.7, 2.0
 
 

@@ -18,20 +18,16 @@ from gelforge.files import write_text
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, cauchy_stress, principal_stretches
 from gelforge.mechanics.laws.models.ogden import Ogden
 
+# Test pieces, strain rate and largest strains of Sferrazza et al. 2019, sec. II-A. Materials that it does not have end at 1.
 GAUGE_MM = {
     "uniaxial": (40.0, 10.0),
     "pure_shear": (10.0, 60.0),
     "equibiaxial": (30.0, 30.0),
 }  # length, width
-THICKNESS_MM = 0.5
+THICKNESS_MM, STRAIN_RATE_PER_S = 0.5, 0.003
+LARGEST_STRAIN = {"ecoflex_gel": 2.0, "elastosil_25_1": 1.0}  # nominal, at the end of a test
 THICKNESS_SCATTER = 0.04  # of cast sheets; the thickness of each sample is measured, so it costs no accuracy
-STRAIN_RATE_PER_S = 0.003
-LARGEST_STRAIN = {
-    "ecoflex_gel": 2.0,
-    "elastosil_25_1": 1.0,
-}  # nominal strain at the end of a test, as in the paper
-LARGEST_STRAIN_ELSEWHERE = 1.0
-ROWS = 80
+ROWS = 80  # of a test: a strain of 0.025 or less from one to the next
 TRACKING_NOISE = 0.002  # of the lateral stretch
 
 
@@ -42,7 +38,7 @@ def make_material_tests(lab: VirtualLab, folder: str | Path) -> None:
     """
     for material, parameters in lab.materials.items():
         law = parameters.constitutive_model()
-        largest = 1 + LARGEST_STRAIN.get(material, LARGEST_STRAIN_ELSEWHERE)
+        largest = 1 + LARGEST_STRAIN.get(material, 1.0)
         samples = []
         for test in LOAD_CASES:
             for number in range(1, lab.material_tests.samples + 1):

@@ -45,18 +45,7 @@ from gelforge.virtual_lab.particles import (
 from gelforge.virtual_lab.truth import check_recordable
 
 TRUTH = ["depth_mm", "total_force_N", "gel_node_mm", "gel_hex", "gel_displacement_mm"]
-COLUMNS = [
-    "press",
-    "cell",
-    "order",
-    "time_s",
-    "phase",
-    "x_mm",
-    "y_mm",
-    "depth_mm",
-    "speed_mm_per_s",
-    "dwell_s",
-]
+COLUMNS = "press cell order time_s phase x_mm y_mm depth_mm speed_mm_per_s dwell_s".split()
 # The course of an indentation: zero is read above the surface, then the stage goes down, waits, takes images and goes up.
 # On a path it waits at every step and takes one image there.
 CLEAR_MM, SPEED_MM_PER_S = 1.0, 1.0
@@ -291,9 +280,8 @@ def _described(rows: pd.DataFrame, press: Press, bench: Bench) -> pd.DataFrame:
 def read_force(on_sensor: np.ndarray, bench: Bench, rng: np.random.Generator) -> np.ndarray:
     """Return what the force sensor shows (R, 3) [N]: turned to its axes and body, with offset, noise and resolution."""
     sign = -1.0 if bench.session.acts_on == "indenter" else 1.0
-    recorded = (
-        sign * on_sensor @ np.asarray(bench.session.axes, dtype=float)
-    )  # axes^T F: back to the recorded axes
+    # axes^T F: back to the recorded axes
+    recorded = sign * on_sensor @ np.asarray(bench.session.axes, dtype=float)
     noisy = recorded + bench.offset_N + rng.normal(0, bench.lab.force.noise_N, size=recorded.shape)
     step = np.array(bench.lab.force.resolution_N)
     return np.round(np.rint(noisy / step) * step, 9) + 0.0
@@ -391,16 +379,12 @@ def _refuse_real(folder: Path) -> None:
     """Raise VirtualLabError unless a folder is absent, empty or a synthetic session: measured data is never replaced."""
     if not any(path.is_file() and not path.name.startswith(".") for path in folder.rglob("*")):
         return
-    readme = folder / "README.txt"
-    described = folder / "session.yaml"
-    if described.is_file() and load_session(described).synthetic:
-        return
-    if (
-        not described.is_file()
-        and readme.is_file()
-        and readme.read_text(encoding="utf-8").startswith("SYNTHETIC")
-    ):
-        return
-    raise VirtualLabError(
-        f"{folder}: holds files that are not a synthetic session; name another folder or session"
-    )
+    described, readme = folder / "session.yaml", folder / "README.txt"
+    if described.is_file():
+        made_up = load_session(described).synthetic
+    else:
+        made_up = readme.is_file() and readme.read_text(encoding="utf-8").startswith("SYNTHETIC")
+    if not made_up:
+        raise VirtualLabError(
+            f"{folder}: holds files that are not a synthetic session; name another folder or session"
+        )

@@ -113,12 +113,7 @@ class TensileFilm:
     def window(self) -> tuple[float, float, float, float]:
         """Return a window x, y, width, height [px] at the centre of the piece in the first frame."""
         width, height = 0.45 * self.length_px, 0.65 * self.width_px
-        return (
-            self.left_px + (self.length_px - width) / 2,
-            (self.shape[0] - 1 - height) / 2,
-            width,
-            height,
-        )
+        return (self.left_px + (self.length_px - width) / 2, (self.shape[0] - 1 - height) / 2, width, height)
 
     def reference_points(self, frame: int) -> np.ndarray:
         """Return the material point X (rows, columns, 2) [px, first frame] that each pixel of a frame shows."""

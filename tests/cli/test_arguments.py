@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from gelforge.cli.arguments import parser
-from gelforge.cli.common import study_file
+from gelforge.cli.values import study_file
 
 REPOSITORY = Path(__file__).parents[2]
 

@@ -5,7 +5,7 @@ import argparse
 import pytest
 
 from gelforge.cli import main
-from gelforge.cli.by_hand.commands import depth_list
+from gelforge.cli.values import depth_list
 from gelforge.config import load_study
 from gelforge.indentation.cells.cell_file import read_cell
 from gelforge.mismatch.pipeline.stage import check_matches

@@ -16,7 +16,7 @@ from gelforge.config.foreign.importing import load_import
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mechanics.meshes.mesh import Block
 from gelforge.meshing.solids import block_solids
-from gelforge.report.cross_section import cross_section, section_loops
+from gelforge.report.figures.simulation.cross_section import cross_section, section_loops
 
 ROOT = Path(__file__).parents[2]
 DESCRIPTIONS = [

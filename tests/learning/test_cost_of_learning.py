@@ -9,6 +9,7 @@ from artificial_shards import small_rows, study_of, write_shards
 from gelforge.cli.study.cost import Costs, row_bytes, time_line
 from gelforge.config import load_study
 from gelforge.indentation.planning.plan import plan_cells
+from gelforge.progress import duration
 
 ROOT = Path(__file__).parents[2]
 
@@ -34,16 +35,16 @@ def test_the_estimate_of_a_study_has_images_and_training_in_it():
     assert size_mb == pytest.approx(presses * row_bytes(study) / 1e6)
     line = time_line(costs, 240.0)
     assert line.startswith("time       about ")
-    assert "finite elements 2 minutes, images " in line and "training and prediction " in line
+    assert "finite elements 2 min, images " in line and "training and prediction " in line
     parts = 120 + sum(map(costs.features, study.sessions)) / 2 + sum(map(costs.drawing, study.sessions)) / 2
     parts += costs.training() + costs.evaluation(size_mb)
-    assert f"about {parts / 60:.0f} minutes on two cores" in line
+    assert f"about {duration(parts)} on two cores" in line
 
 
 def test_labels_alone_cost_finite_elements_alone():
     study = load_study(ROOT / "config/test.yaml").model_copy(update={"sessions": [], "virtual_lab": None})
     assert time_line(Costs(study, plan_cells(study)), 60.0) == (
-        "time       about 30 seconds on two cores (estimate): finite elements 30 seconds"
+        "time       about 30 s on two cores (estimate): finite elements 30 s"
     )
 
 

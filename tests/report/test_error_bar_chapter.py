@@ -36,7 +36,7 @@ def test_table_has_median_and_largest_over_the_force():
 
 
 def test_band_is_two_sigma_of_both_parts_to_each_side():
-    figure = error_bar_figure(ROWS[ROWS.cell == "a"], ROWS, "centre")
+    figure = error_bar_figure(ROWS[ROWS.cell == "a"], "centre")
     vertices = figure.axes[0].collections[0].get_paths()[0].vertices
     at_first = vertices[np.isclose(vertices[:, 0], 0.5), 1]
     # 3-4-5: sigma 0.005 N at the first depth

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gelforge.report.chapters.chapter import Chapter
-from gelforge.report.chapters.flow_floor import depth_rows, false_flow_px, flow_table, tell_flow_floor
+from gelforge.report.chapters.flow_floor import false_flow_px, flow_table, tell_flow_floor
 from gelforge.report.chapters.results_reader import StudyResults
 
 
@@ -24,14 +24,6 @@ def test_false_flow_is_that_of_untouched_images_but_the_reference_itself():
     assert_allclose(false_flow_px(flow_table(columns())), (0.03, 1.4826 * 0.01), rtol=1e-5)
     itself = columns(flow_px=np.float32([0.0, 1.0, 0.04, 1.2, 0.04, 9.0]))
     assert_allclose(false_flow_px(flow_table(itself))[0], 0.04, rtol=1e-5)
-
-
-def test_rows_by_depth_begin_with_the_untouched_images():
-    rows = depth_rows("day", flow_table(columns()))
-    assert rows["depth [mm]"].to_list() == ["untouched", "1", "2"]
-    assert_allclose(rows["flow, median [px]"], [0.03, 1.1, 9.0], rtol=1e-5)
-    assert_allclose(rows["median / false flow"], [1, 1.1 / 0.03, 300], rtol=1e-5)
-    assert rows["indentations lost"].to_list() == [0, 0, 1]
 
 
 @pytest.mark.parametrize("touched_only", [False, True])

@@ -50,7 +50,7 @@ def test_label_figure_shows_totals_units_and_frame(whole):
     total = read_label(path).bin_force_N[:, 2].sum()
     assert f"$F_z$  total {total:+.3f} N" in words
     assert words.count("[N per bin]") == 3
-    assert {"x", "y", "z"} <= set(words)
+    assert {"x [mm]", "y [mm]"} <= set(words) and any("z towards the viewer" in word for word in words)
     low, high = figure.axes[2].collections[0].get_clim()
     assert low == -high
 

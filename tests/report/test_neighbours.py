@@ -6,17 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gelforge.report.chapters.flow_floor import depth_rows, flow_table
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.figures.neighbours import (
     CURVE_SITES,
-    MAP_SITES,
     depth_classes,
     nearest,
     one_depth_each,
     pooled_means,
 )
-from gelforge.report.figures.simulation.residuals import residual_map_figure
 from gelforge.report.page import write_report
 from gelforge.report.verdict.mismatch_curves import depth_figure
 from gelforge.report.verdict.mismatch_reader import MismatchResults
@@ -57,25 +54,12 @@ def test_sites_of_several_depths_stand_alone(whole):
     assert (site.x_mm, site.y_mm, where) == (16.0, 16.0, "(16, 16) mm")
 
 
-def test_a_map_of_single_depths_is_of_means_over_neighbours(scattered):
-    """Residuals that grow with depth alone would make a map of depths: pooled, they differ less from place to place."""
-    results = StudyResults(*scattered, None)
-    agreement = results.agreement
-    figure = residual_map_figure(agreement, results.widths_mm, results.resolution_N)
-    shown = figure.axes[2].collections[0].get_array()
-    each = (agreement["ft_z_N"] - agreement["fem_z_N"]).to_numpy()
-    assert len(shown) == len(each)
-    assert np.std(shown) < 0.7 * np.std(each)
-
-
 def test_a_report_of_such_a_study_has_curves_and_short_tables(scattered, tmp_path, undrawn):
     study, folder = scattered
     missing = write_report(study, folder, tmp_path / "page.html")
     assert not any("No curve" in words for words in missing)
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert f"{CURVE_SITES} sites up to" in page and f"mean of the {MAP_SITES} nearest positions" in page
-    rows = depth_rows("day1", flow_table(StudyResults(study, folder, None).features["day1"]))
-    assert list(rows["images"]) == [36, *[5] * 4, *[4] * 4]
+    assert f"{CURVE_SITES} sites up to" in page
 
 
 def test_a_verdict_over_depth_is_of_the_sites_about_the_shown_one(tmp_path):

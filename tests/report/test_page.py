@@ -92,9 +92,9 @@ def test_cells_with_a_law_that_proved_unstable_are_listed():
 
 def test_every_figure_is_a_picture_under_a_sentence(page):
     pictures = parsed(page[0]).pictures
-    # sensor, two materials, force-depth, error bars, section, flow, flow over depth, two residuals, errors, their budget,
-    # loss, two force maps, totals, time, verdict
-    assert len(pictures) == 18
+    # sensor, two materials, force-depth, error bars, section, flow, flow over depth, residual, errors, their budget, loss,
+    # two force maps, totals, verdict
+    assert len(pictures) == 16
     for picture in pictures:
         head, _, content = picture["src"].partition("base64,")
         assert head == "data:image/svg+xml;"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from gelforge.cli.study.add_session import add_session, check_place, unjoined
@@ -44,21 +46,28 @@ def import_command(mapping: Path, out: Path, study: Path | None = None, data: Pa
         print(line)
     if study:
         check_frame(mapping, imported, load_study(study).sensor)
-    out.parent.mkdir(parents=True, exist_ok=True)
     page = out.parent / f"{name}.import.png"
-    with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
-        folder = Path(temporary) / name
-        folder.mkdir()
+    with _appearing(out) as folder:
         write_imported(folder, imported)
         import_figure(imported, folder).savefig(page, dpi=110)
         recording = _accepted(mapping, folder, f", and {page} shows what was done")
         os.replace(page, folder / "import.png")
-        shutil.move(folder, out)
     for line in recording.findings.lines():
         print(f"finding    {line}")
     print(f"session    {out}: {len(imported.table)} readings, {len(imported.images)} images")
     print(f"page       {out / 'import.png'}: look at it")
     _added(study, out)
+
+
+@contextmanager
+def _appearing(out: Path) -> Iterator[Path]:
+    """Yield a folder of that name in a temporary one beside it; it takes its place when it is whole."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
+        folder = Path(temporary) / out.resolve().name
+        folder.mkdir()
+        yield folder
+        shutil.move(folder, out)
 
 
 def _accepted(mapping: Path, folder: Path, shown: str) -> Recording:
@@ -74,13 +83,9 @@ def _accepted(mapping: Path, folder: Path, shown: str) -> Recording:
 
 def _import_named(mapping: Path, named: NamesMapping, out: Path, data: Path, study: Path | None) -> None:
     """Write the session of a folder of images whose names hold the numbers."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
-        folder = Path(temporary) / out.resolve().name
-        folder.mkdir()
+    with _appearing(out) as folder:
         count = write_named(folder, named, folder.name, data, str(mapping))
         recording = _accepted(mapping, folder, "")
-        shutil.move(folder, out)
     print(f"session    {out}: {len(recording.readings)} readings, {count} images")
     _added(study, out)
 
@@ -111,12 +116,8 @@ def import_set(layout: str, source: Path, out: Path, columns: list[str], unit: s
         raise ImportingError(f"--columns {wrong[0]}: a pair NAME=COLUMN is needed, as fx=Fx")
     chosen = layout_of(layout)
     options = Options(dict(text.split("=") for text in columns), unit)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
-        folder = Path(temporary) / "set"
-        folder.mkdir()
+    with _appearing(out) as folder:
         written = write_labelled(chosen, source, folder, options, every)
-        shutil.move(folder, out)
     largest = ", ".join(f"{force:.3g}" for force in written.largest_N)
     print(f"set        {chosen.what}")
     print(

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from gelforge.api.studies import paper_study
 from gelforge.cli.study.mesh_quality import mesh_error_words
+from gelforge.cli.tables import print_table
 from gelforge.config import Indenter, Study, load_section, load_study
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 
@@ -62,47 +64,28 @@ def described_press(study: Path | None, indenter: Path | None) -> Study:
 
 def print_force_depth(study: Study, cell) -> None:
     """Print force on the sensor and standard deviations of Fz [N], contact nodes and iterations, depth by depth."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    a, twisted = cell.attributes, "twist_deg" in cell.arrays
-    table = Table(
-        box=box.SIMPLE,
-        padding=(0, 1, 0, 0),  # ten columns in 80 characters
-        title=f"Force on the sensor, {study.indenter.words} at ({a['x_mm']:g}, {a['y_mm']:g}) mm",
-        caption=f"mesh {study.mechanics.mesh.quality}, {a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, "
+    a, arrays = cell.attributes, cell.arrays
+    table = pd.DataFrame({"phase": list(a["phases"]), "depth": arrays["depth_mm"]})
+    table[[f"F{axis} [N]" for axis in "xyz"]] = arrays["total_force_N"]
+    for part, name in (("mesh", "± mesh"), ("material", "± model")):
+        if (bars := arrays.get(f"total_sigma_{part}_N")) is not None:
+            table[name] = bars[:, 2]
+    state, twisted = arrays["node_state"], "twist_deg" in arrays
+    table["touch"], table["slip"] = (state > 0).sum(axis=1), (state == 2).sum(axis=1)
+    if twisted:
+        table["Mz"] = torque_about_centre(arrays)
+    else:
+        table["steps"] = a["iterations"]
+    signed = dict.fromkeys(("Fx [N]", "Fy [N]", "Fz [N]"), "+.4f")
+    print_table(
+        table,
+        {"depth": ".3g", **signed, "± mesh": ".4f", "± model": ".4f", "Mz": "+.3f"},
+        f"Force on the sensor, {study.indenter.words} at ({a['x_mm']:g}, {a['y_mm']:g}) mm",
+        f"mesh {study.mechanics.mesh.quality}, {a['degrees_of_freedom']} degrees of freedom, {a['linear_solver']}, "
         f"{a['cpu_seconds']:.1f} CPU s; {mesh_error_words(study)}; mm, N; "
         "± standard deviations of Fz from the mesh and from the constitutive model"
         + ("; Mz torque about the indenter's axis [N mm]" if twisted else ""),
     )
-    state, arrays = cell.arrays["node_state"], cell.arrays
-    torque = torque_about_centre(arrays) if twisted else None
-    last = "steps" if torque is None else "Mz"  # in 80 characters
-    for name in (
-        "phase",
-        "depth",
-        "Fx [N]",
-        "Fy [N]",
-        "Fz [N]",
-        "± mesh",
-        "± model",
-        "touch",
-        "slip",
-        last,
-    ):
-        table.add_column(name, justify="right", no_wrap=True)
-    bars = [arrays.get(f"total_sigma_{part}_N") for part in ("mesh", "material")]
-    for i, (depth, force) in enumerate(zip(cell.arrays["depth_mm"], cell.arrays["total_force_N"])):
-        ends = a["iterations"][i] if torque is None else f"{torque[i]:+.3f}"
-        table.add_row(
-            a["phases"][i],
-            f"{depth:.3g}",
-            *(f"{value:+.4f}" for value in force),
-            *("" if bar is None else f"{bar[i, 2]:.4f}" for bar in bars),
-            *(str(count) for count in ((state[i] > 0).sum(), (state[i] == 2).sum(), ends)),
-        )
-    Console().print(table)
 
 
 def torque_about_centre(arrays: dict) -> np.ndarray:
@@ -122,19 +105,9 @@ def derivable_effects() -> list[str]:
 
 def print_sensitivities(cell) -> None:
     """Print how the force at the last depth follows each effect, and what finding that cost."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE, title="Derivatives of the force at the last depth")
-    for name in ("effect", "dFx", "dFy", "dFz", "unit", "seconds"):
-        table.add_column(name, justify="left" if name in ("effect", "unit") else "right")
     a = cell.attributes
-    for name, unit, seconds, force in zip(
-        a["sensitivity_names"],
-        a["sensitivity_units"],
-        a["sensitivity_seconds"],
-        cell.arrays["sensitivity_total"][:, -1],
-    ):
-        table.add_row(str(name), *(f"{value:+.4g}" for value in force), str(unit), f"{seconds:.1f}")
-    Console().print(table)
+    table = pd.DataFrame(cell.arrays["sensitivity_total"][:, -1], columns=["dFx", "dFy", "dFz"])
+    table.insert(0, "effect", list(a["sensitivity_names"]))
+    table["unit"], table["seconds"] = list(a["sensitivity_units"]), a["sensitivity_seconds"]
+    formats = dict.fromkeys(("dFx", "dFy", "dFz"), "+.4g") | {"seconds": ".1f"}
+    print_table(table, formats, "Derivatives of the force at the last depth")

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.config import ConfigError, load_study
+from gelforge.cli.products.sites import planned_cell
+from gelforge.config import load_study
 
 
 def sensitivities(study: Path, cell: str, laws: list[Path], out: Path) -> None:
     """Solve the derivatives of one site's forces and write them into a file."""
-    from gelforge.indentation.planning.plan import plan_cells
     from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
     from gelforge.mismatch.pipeline.stage import solver_of
 
     described = load_study(study)
-    cells = plan_cells(described)
-    if cell not in cells:
-        raise ConfigError(f"{study}: the plan has no cell {cell!r}")
+    planned = planned_cell(described, cell)
     solver = solver_of(described, out.parent, laws, None, 1, [])
-    site = slopes_of_site(solver, cells[cell])
+    site = slopes_of_site(solver, planned)
     write_site_slopes(out, solver, site)
     missing = [f"{key}: {one}" for key, one in site.found.items() if isinstance(one, str)]
     print(f"{cell}: {len(site.found) - len(missing)} derivatives at {len(site.planned.depths_mm)} depths")

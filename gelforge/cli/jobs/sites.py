@@ -40,11 +40,14 @@ def simulate(
     from gelforge.dataset.session_labels import check_digest
     from gelforge.indentation.cells.cell_file import read_cell, write_cell
     from gelforge.indentation.cells.kept_solutions import solved_once
+    from gelforge.indentation.planning.plan import plan_cells
     from gelforge.indentation.solving.inputs import inputs_digest, solution_digest
     from gelforge.indentation.solving.mirror import mirror_cell
 
     described = load_study(study)
-    planned = solved_between(described, cell) if between else planned_cell(described, cell)
+    planned = (
+        between_site(described, plan_cells(described), cell) if between else planned_cell(described, cell)
+    )
     if session:
         planned = replace(planned, between="")  # pressed sites of a session are solved or mirrored
     if planned.between:
@@ -95,10 +98,3 @@ def labelled(study: Study, read: dict, planned):
     ranges = {name: law.valid_range for name, law in read.items()}
     outside = {name: valid.outside for name, valid in ranges.items() if valid is not None}
     return simulate_label(study, *laws_and_doubts(read), planned, outside)
-
-
-def solved_between(study: Study, name: str):
-    """Return a site between which labels of the plan are interpolated."""
-    from gelforge.indentation.planning.plan import plan_cells
-
-    return between_site(study, plan_cells(study), name)

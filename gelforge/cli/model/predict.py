@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gelforge.cli.tables import print_table
 from gelforge.config import load_camera
 from gelforge.progress import tracked
 
@@ -113,18 +114,17 @@ def _newtons(force: np.ndarray) -> str:
 
 def print_timing(timing) -> None:
     """Print p50, p95 and p99 of every step [ms] and the frames per second that they allow."""
-    from rich.console import Console
-    from rich.table import Table
-
     counted = max(timing.seen - timing.warm_up, 0)
-    described = f"{counted} frames, after the first {timing.warm_up}, which are not counted"
     if not counted:
         print(f"no times: {timing.seen} frames, and the first {timing.warm_up} are not counted")
         return
-    table = Table(title=f"time per frame ({described})")
-    for name in ("step", "p50, ms", "p95, ms", "p99, ms", "frames/s at p50", "frames/s at p99"):
-        table.add_column(name, justify="right")
-    for row in timing.table().itertuples(index=False):
-        times = (f"{value:.2f}" for value in (row.p50_ms, row.p95_ms, row.p99_ms))
-        table.add_row(row.step, *times, f"{row.fps_at_p50:.0f}", f"{row.fps_at_p99:.0f}")
-    Console().print(table)
+    table = timing.table().drop(columns="frames")
+    formats = dict.fromkeys(("p50_ms", "p95_ms", "p99_ms"), ".2f") | {
+        "fps_at_p50": ".0f",
+        "fps_at_p99": ".0f",
+    }
+    print_table(
+        table,
+        formats,
+        f"time per frame ({counted} frames, after the first {timing.warm_up}, which are not counted)",
+    )

@@ -26,6 +26,7 @@ from gelforge.config import (
 from gelforge.dataset.schema import columns
 from gelforge.files import write_text
 from gelforge.indentation.planning.derived import derived_chunks
+from gelforge.progress import duration
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,14 +35,11 @@ MEASURED = Path(__file__).with_name("cell_cost.csv")
 DEPTHS = 8  # of every measured cell
 # A press on a sensor that softens, coarse-mesh solution included, measured on the article's sensor with 5556 degrees of
 # freedom: a step takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
-SOFTENING_STEP = 1.6
-GRID_POINT_S = 7e-6
+SOFTENING_STEP, GRID_POINT_S = 1.6, 7e-6
 INTERPOLATED_S = 0.1  # a label between solved sites, with what decides which they are
 SECOND_LEVEL = 1  # where an interpolated plan usually ends: one halving of the first spacing
 JOB_S = 0.6  # of a job beyond its cells: it is a fork of a process that has loaded everything
-SENSITIVITIES = (
-    1.3  # of a site with its error bars: all derivatives (docs/accuracy.md, What derivatives cost)
-)
+SENSITIVITIES = 1.3  # of a site with its error bars: all derivatives (benchmarks/sensitivity_cost.py)
 FIT_S, VERIFY_S, REPORT_S = 5.0, 40.0, 10.0  # a material's fits, all checks of the finite elements, the page
 EXPORT_S, ONNX_CHECK_S = 10.0, 5.0  # a model as ONNX; images of held-out sites by ONNX Runtime
 START_S = 3.0  # of a process of its own with its compiled kernels
@@ -50,8 +48,7 @@ WITHOUT_BARS = 0.8  # of a cell with error bars
 # A verdict in cells of the study's mesh per position that is judged: 1 in the demo, up to five times as many where no effect
 # fits (benchmarks/mismatch_cost.py). Images took 6 more in the benchmark study's verdict. It begins with reading, its
 # libraries and its page.
-VERDICT_CELLS, VERDICT_IMAGE_CELLS = 1.5, 6
-VERDICT_START = 20.0
+VERDICT_CELLS, VERDICT_IMAGE_CELLS, VERDICT_START = 1.5, 6, 20.0
 # CPU seconds on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn, start
 # included.
 FEATURES_S_PER_MPX, DRAWING_S_PER_MPX = 0.5, 0.5
@@ -67,7 +64,8 @@ class Costs:
     def __init__(self, study: Study, cells: dict):
         self.study, self.cells = study, cells
         self.measured = read_costs()
-        self.mirrored = mirror_seconds(self.measured)
+        mirrored = self.measured["kind"] == "mirrored"  # by a job that makes many
+        self.mirrored = float(self.measured.loc[mirrored, "cpu_s"].median())
         self.first = next(cell for cell in cells.values() if cell.source is None)
 
     @cached_property
@@ -185,12 +183,7 @@ class Costs:
         site = JOB_S + self.cell(self.first)
         rows = self.learning_mb()
         seconds = dict.fromkeys(("simulate", "solve_site", "session_cell", "variant"), site)
-        seconds |= {
-            "characterise": FIT_S,
-            "verify": VERIFY_S,
-            "report": REPORT_S,
-            "train": self.training(),
-        }
+        seconds |= {"characterise": FIT_S, "verify": VERIFY_S, "report": REPORT_S, "train": self.training()}
         seconds |= {"evaluate": self.evaluation(rows), "export": EXPORT_S, "onnx_check": ONNX_CHECK_S}
         seconds |= {"site_sensitivities": JOB_S + SENSITIVITIES * site}
         if study.virtual_lab:
@@ -347,11 +340,6 @@ def grid_points(study: Study) -> float:
     return (1 + 1 / 8) * sensor.width_x_mm * sensor.width_y_mm * sensor.height_mm / spacing**3
 
 
-def duration(seconds: float) -> str:
-    """Return a time in words: seconds below two minutes."""
-    return f"{max(round(seconds), 1)} seconds" if seconds < 120 else f"{seconds / 60:.0f} minutes"
-
-
 def mesh_size(study: Study, sizes: Mesh, cell) -> tuple[int, int]:
     """Return the unknowns and the number of surface nodes of a cell's mesh."""
     from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
@@ -385,8 +373,3 @@ def cell_seconds(measured: pd.DataFrame, unknowns: int) -> float:
     solved = measured[measured["kind"] == "solved"]
     exponent, level = np.polyfit(np.log(solved["degrees_of_freedom"]), np.log(solved["cpu_s"]), 1)
     return float(np.exp(level) * unknowns**exponent)
-
-
-def mirror_seconds(measured: pd.DataFrame) -> float:
-    """Return the CPU seconds of a mirrored cell, made by a job that makes many."""
-    return float(measured.loc[measured["kind"] == "mirrored", "cpu_s"].median())

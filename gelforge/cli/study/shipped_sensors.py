@@ -43,7 +43,7 @@ def study_of_sensor(study: str, sensor: str) -> dict[Path, str]:
 
 def sensors(name: str | None, out: Path | None) -> None:
     """List the shipped sensors, or draw one of them, or that of a study's YAML file."""
-    from gelforge.report.cross_section import cross_section
+    from gelforge.report.figures.simulation.cross_section import cross_section
 
     if name is None:
         for sensor in sensor_names():

@@ -49,9 +49,32 @@ def load_dataset(
 ) -> Rows | dict[str, Rows]:
     """Return the rows of a split of a dataset's folder, or without a split those of train, validation and test by name.
 
-    columns: those to read, all if not given; images: rows hold `image` (C, H, W) too, read from where the manifest says they
-    are. Features are [px, rad], forces [N], positions [mm]; the card names every column. Raises DatasetError for a split or
-    a column that does not exist, and for a folder without a dataset.
+    Parameters
+    ----------
+    folder : path
+        The folder of the dataset, such as results/mine/dataset.
+    split : str, optional
+        train, validation or test; all three if not given.
+    columns : sequence of str, optional
+        Those to read; all if not given. Features are [px, rad], forces [N], positions [mm]; the card names every column.
+    images : bool
+        Rows hold `image` (C, H, W) uint8 too, read from where the manifest says they are.
+
+    Returns
+    -------
+    Rows, or dict of str to Rows
+        A map-style dataset of PyTorch: its items are dicts of tensors, and of text as str.
+
+    Raises
+    ------
+    DatasetError
+        A split or a column that does not exist, or a folder without a dataset.
+
+    Examples
+    --------
+    >>> import gelforge as gf
+    >>> rows = gf.load_dataset("results/mine/dataset", "train")  # doctest: +SKIP
+    >>> rows[0]["force_distribution_N"].shape  # doctest: +SKIP
     """
     if not isinstance(folder, str | PathLike) or not (Path(folder) / "manifest.json").is_file():
         raise DatasetError(

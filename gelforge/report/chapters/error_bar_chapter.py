@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import SIGMAS, StudyResults
 from gelforge.report.figures.neighbours import depth_classes
-from gelforge.report.figures.style import MEASURED, SIMULATED, new_figure, styled
-
-WIDTH = 2.0  # standard deviations of a band
-LOOKS = {"mesh": (SIMULATED, "o"), "constitutive models": (MEASURED, "s")}
+from gelforge.report.figures.style import BAND_SIGMAS, SIMULATED, new_figure, styled
 
 
 def error_bars(results: StudyResults) -> Chapter:
@@ -35,26 +30,22 @@ def error_bars(results: StudyResults) -> Chapter:
         sites, place = solved[:1], f"({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm"
     of_shown = rows[rows.cell.isin([site.source or site.name for site in sites])].sort_values("depth")
     words = (
-        f"Left: the force at {place} with two standard deviations to each side, mesh and constitutive model together."
-        " Right: each part over the force; the line is the median, the shade reaches from the least to the largest of"
-        f" {count(rows.cell.nunique(), 'solved site')}. The mesh's is one share for all depths of a site."
+        f"The force at {place} with two standard deviations to each side, mesh and constitutive model together."
+        " The mesh's is one share for all depths of a site."
     )
-    unknown = sorted(set(results.study.materials) - _uncertain(results, solved[0]))
+    known = {str(name) for name in results.cell_attributes[solved[0].name].get("uncertain_materials", ())}
+    unknown = sorted(set(results.study.materials) - known)
     if unknown:
         words += (
             f" How uncertain the constitutive models of {', '.join(unknown)} are is not known: they were"
             " given, and add nothing."
         )
-    chapter.show(words, error_bar_figure(of_shown, rows, place))
+    chapter.show(words, error_bar_figure(of_shown, place))
     chapter.tabulate(
-        "Standard deviation of the vertical force over the force, over all solved sites.", sigma_table(rows)
+        f"Standard deviation of the vertical force over the force, of {count(rows.cell.nunique(), 'solved site')}.",
+        sigma_table(rows),
     )
     return chapter
-
-
-def _uncertain(results: StudyResults, cell: PlannedCell) -> set[str]:
-    """Return the materials whose constitutive models have a covariance, as the site's file says."""
-    return {str(name) for name in results.cell_attributes[cell.name].get("uncertain_materials", ())}
 
 
 def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
@@ -71,22 +62,22 @@ def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @styled
-def error_bar_figure(cell: pd.DataFrame, rows: pd.DataFrame, place: str) -> Figure:
-    """Return the force of one site with its band, and the parts of the band over the force in all sites."""
-    figure, axes = new_figure(8.2, 3.3, ncols=2)
-    left, right = axes[0]
-    sigma = np.hypot(cell["mesh"], cell["constitutive models"])
+def error_bar_figure(cell: pd.DataFrame, place: str) -> Figure:
+    """Return the force of one site, or of several together, with its band."""
+    figure, axes = new_figure(4.6, 3.3)
+    ax = axes[0, 0]
+    band = BAND_SIGMAS * np.hypot(cell["mesh"], cell["constitutive models"])
     pooled = cell["cell"].nunique() > 1
-    left.fill_between(
+    ax.fill_between(
         cell["depth"],
-        cell["force"] - WIDTH * sigma,
-        cell["force"] + WIDTH * sigma,
+        cell["force"] - band,
+        cell["force"] + band,
         color=SIMULATED,
         alpha=0.3,
         lw=0,
         label="± 2 sigma, mesh and material",
     )
-    left.plot(
+    ax.plot(
         cell["depth"],
         cell["force"],
         "." if pooled else ".-",
@@ -95,26 +86,9 @@ def error_bar_figure(cell: pd.DataFrame, rows: pd.DataFrame, place: str) -> Figu
         lw=0.8,
         label="this study: FEM",
     )
-    left.set_ylabel("vertical force, $-F_z$ [N]")
-    left.set_title(place)
-    for name in SIGMAS:
-        _relative(right, rows, name)
-    right.set_ylabel("sigma of $F_z$ over $F_z$ [%]")
-    right.set_title("all solved sites")
-    for ax in (left, right):
-        ax.set_xlabel("depth [mm]")
-        ax.set_xlim(left=0)
-        ax.set_ylim(bottom=0)
-        ax.grid(True)
-    left.legend(loc="upper left")
-    right.legend(loc="best")
+    ax.set(ylabel="vertical force, $-F_z$ [N]", title=place, xlabel="depth [mm]")
+    ax.set_xlim(left=0)
+    ax.set_ylim(bottom=0)
+    ax.grid(True)
+    ax.legend(loc="upper left")
     return figure
-
-
-def _relative(ax: Axes, rows: pd.DataFrame, name: str) -> None:
-    """Draw one part over the force by depth: median, and from the least to the largest."""
-    colour, marker = LOOKS[name]
-    relative = (100 * rows[name] / rows["force"].abs()).groupby(depth_classes(rows["depth"])[0])
-    depth = sorted(relative.groups)
-    ax.fill_between(depth, relative.min(), relative.max(), color=colour, alpha=0.2, lw=0)
-    ax.plot(depth, relative.median(), marker + "-", color=colour, ms=3.5, lw=1.4, label=f"{name}, median")

@@ -26,7 +26,6 @@ REMEDIES = {
     LEARNING: "more sites",
     MECHANICS: "better material tests, a verdict (gelforge mismatch) or gains fitted to readings (gelforge adapt)",
 }
-LEAST_WIDTH = 0.3  # of the wider panel, so that bars of small errors have room for their numbers
 
 
 def tell_budget(chapter: Chapter, results: StudyResults) -> None:
@@ -90,7 +89,7 @@ def budget_figure(table: pd.DataFrame) -> Figure:
     """Return bars of each part of the rms error of the vertical force: of bins [mN] and of the total [N], at one scale."""
     parts = table.set_index("part").loc[list(BARS)]
     limits = 1.15 * parts[[column for column, *_ in PANELS]].max().to_numpy(float)  # N
-    limits = np.maximum(limits, LEAST_WIDTH * limits.max())
+    limits = np.maximum(limits, 0.3 * limits.max())  # bars of small errors have room for their numbers
     figure, axes = new_figure(
         8.6, 2.6, ncols=2, sharey=True, width_ratios=limits
     )  # as many inches per newton
@@ -102,9 +101,7 @@ def budget_figure(table: pd.DataFrame) -> Figure:
         ax.bar_label(bars, fmt="%.3g", padding=2)
         ax.axhline(0.5, color=FAINT, lw=0.8)
         ax.set_yticks(place, [words for words, _ in BARS.values()])
-        ax.set_title(title)
-        ax.set_xlim(0, scale * limit)
-        ax.set_xlabel(f"rms error, vertical [{unit}]")
+        ax.set(title=title, xlim=(0, scale * limit), xlabel=f"rms error, vertical [{unit}]")
         ax.set_axisbelow(True)
         ax.grid(axis="x")
     return figure

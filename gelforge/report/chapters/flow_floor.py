@@ -9,11 +9,16 @@ from matplotlib.figure import Figure
 from gelforge.recording.plausibility.images import MOST_LOST
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
-from gelforge.report.figures.neighbours import depth_classes
-from gelforge.report.figures.style import FAINT, PREDICTED, SIMULATED, new_figure, styled
+from gelforge.report.figures.style import (
+    FAINT,
+    MOST_PANELS,
+    MOST_POINTS,
+    PREDICTED,
+    SIMULATED,
+    new_figure,
+    styled,
+)
 
-MOST_SESSIONS = 4  # in the figure; the table has all
-MOST_IMAGES = 2000  # of a session in the figure
 LEAST_PX = 1e-3  # drawn at least: images without noise have no false flow
 
 
@@ -36,32 +41,6 @@ def false_flow_px(table: pd.DataFrame) -> tuple[float, float]:
     """
     flow = table["flow_px"][(table["depth_mm"] == 0) & (table["flow_px"] > 0)]
     return float(flow.median()), float(1.4826 * (flow - flow.median()).abs().median())
-
-
-def depth_rows(name: str, table: pd.DataFrame) -> pd.DataFrame:
-    """Return the flow of a session by depth, as the report shows it; the first row is the false flow."""
-    false, _ = false_flow_px(table)
-    table = table[(table["depth_mm"] > 0) | (table["flow_px"] > 0)]
-    touched = table["depth_mm"] > 0
-    depth, names = depth_classes(table["depth_mm"][touched])
-    names |= {0.0: "untouched"}
-    rows = table.groupby(depth.reindex(table.index, fill_value=0.0)).agg(
-        images=("flow_px", "size"),
-        median=("flow_px", "median"),
-        largest=("flow_px", "max"),
-        lost=("press", lambda press: press[table.loc[press.index, "lost"]].nunique()),
-    )
-    return pd.DataFrame(
-        {
-            "session": name,
-            "depth [mm]": [names[depth] for depth in rows.index],
-            "images": rows["images"].to_numpy(),
-            "flow, median [px]": rows["median"].to_numpy(),
-            "largest [px]": rows["largest"].to_numpy(),
-            "median / false flow": rows["median"].to_numpy() / false,
-            "indentations lost": rows["lost"].to_numpy(),
-        }
-    )
 
 
 def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:
@@ -93,20 +72,16 @@ def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:
         "Flow of the images over depth. The line is the median of the untouched images, the band reaches to their largest.",
         floor_figure(tables),
     )
-    chapter.tabulate(
-        "Flow (root mean square over the image) by depth.",
-        pd.concat([depth_rows(name, table) for name, table in tables.items()], ignore_index=True),
-    )
 
 
 @styled
 def floor_figure(tables: dict[str, pd.DataFrame]) -> Figure:
     """Return the flow of each image over depth beside the false flow, one panel per session."""
-    shown = dict(list(tables.items())[:MOST_SESSIONS])
+    shown = dict(list(tables.items())[:MOST_PANELS])
     figure, axes = new_figure(1.2 + 3.2 * len(shown), 2.9, ncols=len(shown), sharey=True)
     for ax, (name, table) in zip(axes[0], shown.items()):
         held = table[table["depth_mm"] > 0]
-        held = held.iloc[:: -(-len(held) // MOST_IMAGES) or 1]
+        held = held.iloc[:: -(-len(held) // MOST_POINTS) or 1]
         false, _ = false_flow_px(table)
         if np.isfinite(false):
             largest = table["flow_px"][table["depth_mm"] == 0].max()
@@ -122,8 +97,7 @@ def floor_figure(tables: dict[str, pd.DataFrame]) -> Figure:
                 ax.plot(part["depth_mm"], flow, marker, ms=3.5, color=colour, alpha=0.7, label=label)
         ax.set_yscale("log")
         ax.set_xlim(left=0)
-        ax.set_title(name)
-        ax.set_xlabel("depth [mm]")
+        ax.set(title=name, xlabel="depth [mm]")
         ax.legend(loc="upper left")
     low = min(table["flow_px"].clip(lower=LEAST_PX).min() for table in shown.values())
     high = max(table["flow_px"].max() for table in shown.values())

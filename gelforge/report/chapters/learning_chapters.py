@@ -16,14 +16,13 @@ from gelforge.report.chapters.study_chapters import FORCE_ONLY, LABELS_ONLY
 from gelforge.report.chapters.table_units import in_units_of_the_page
 from gelforge.report.figures.learning.network_figure import errors_figure
 from gelforge.report.figures.learning.training_figure import loss_figure
-from gelforge.report.figures.neighbours import MAP_SITES
 from gelforge.report.figures.simulation.force_maps import prediction_figure, total_force_figure
-from gelforge.report.figures.simulation.residuals import residual_depth_figure, residual_map_figure
+from gelforge.report.figures.simulation.residuals import residual_depth_figure
 from gelforge.report.figures.simulation.silhouette import touched_radius_mm
 
 
 def agreement(results: StudyResults) -> Chapter:
-    """Return the residual of simulated against measured total force over position and depth."""
+    """Return the residual of simulated against measured total force over depth."""
     chapter = Chapter("agreement", "Simulation against force/torque readings")
     if not results.study.sessions:
         chapter.miss(f"No comparison with readings: {LABELS_ONLY}")
@@ -39,16 +38,7 @@ def agreement(results: StudyResults) -> Chapter:
         " grows with depth points to physics the simulation lacks.",
         residual_depth_figure(results.agreement, results.resolution_N),
     )
-    chapter.show(
-        "The same residual over position: pale means agreement, one colour all over a common cause, a pattern"
-        " towards the edges the walls; positions without a square have no reading or no converged site."
-        + (
-            f" A square is the mean of the {MAP_SITES} nearest positions."
-            if results.has_one_depth_each
-            else ""
-        ),
-        residual_map_figure(results.agreement, results.widths_mm, results.resolution_N),
-    )
+    chapter.say("Over position the verdict's maps show the same difference, at the end of this report.")
     return chapter
 
 
@@ -112,7 +102,8 @@ def _say_how_good(chapter: Chapter, results: StudyResults) -> None:
         return
     steady = results.loss if results.study.learning.network == "paper" else None
     has_budget = results.table("error_budget") is not None
-    only_simulated = _only_simulated(results)
+    synthesis = results.study.synthesis
+    only_simulated = synthesis is not None and synthesis.train_on == "simulated"
     chapter.say(network_words(baselines, by, reliability, errors, steady, only_simulated, has_budget))
     chapter.show(
         "RMSES on held-out sites, the rms error over the bins whose label is not zero, of the vertical force: the network"
@@ -130,11 +121,6 @@ def _tell_onnx(chapter: Chapter, results: StudyResults) -> None:
             f"Exported to ONNX, the network gives the same forces on {count(found['images'], 'held-out image')}: bins differ"
             f" by {millinewtons(found['largest_difference_N'])} at most, of up to {millinewtons(found['largest_N'])}."
         )
-
-
-def _only_simulated(results: StudyResults) -> bool:
-    synthesis = results.study.synthesis
-    return synthesis is not None and synthesis.train_on == "simulated"
 
 
 def _show_map(chapter: Chapter, results: StudyResults, row: int, place: str) -> None:

@@ -7,24 +7,12 @@ import pandas as pd
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
 
-ROWS = 200  # of the list; recordings/<session>.findings.csv has all
-COLUMNS = {
-    "session": "session",
-    "level": "level",
-    "press": "indentation",
-    "time_s": "time [s]",
-    "channel": "channel",
-    "found": "found",
-    "value": "value",
-    "limit": "limit",
-    "unit": "unit",
-    "remedy": "remedy",
-}
+NAMES = 20  # of indentations in a sentence; the sessions' tables have all
 KIND = ["session", "level", "test", "channel", "remedy"]  # what findings of one kind share
 
 
 def recordings(results: StudyResults) -> Chapter:
-    """Return what the tests of the recorded sessions found: by kind, and folded by indentation."""
+    """Return what the tests of the recorded sessions found, by kind."""
     chapter = Chapter("recordings", "What was left out of the recordings")
     if not results.study.sessions:
         chapter.say("This study has no recordings.")
@@ -36,17 +24,17 @@ def recordings(results: StudyResults) -> Chapter:
     excluded = found[found["level"] == "excluded"]
     for channel in ("force", "image"):
         presses = excluded[excluded["channel"] == channel].drop_duplicates(["session", "press"])
-        many = count(len(presses), "indentation")
-        chapter.say(f"Left out: {channel} of {many}." if len(presses) else f"No {channel} is left out.")
+        names = [f"{session} {press}" for session, press in zip(presses["session"], presses["press"])]
+        more = f" and {len(names) - NAMES} more" if len(names) > NAMES else ""
+        many = f"{count(len(names), 'indentation')}: {', '.join(names[:NAMES])}{more}"
+        chapter.say(f"Left out: {channel} of {many}." if names else f"No {channel} is left out.")
     if len(found):
         chapter.tabulate(
             "What the tests of the sessions found. What is `excluded` from one channel stays out of everything that follows;"
-            " a `note` is information, and its readings and images are used.",
+            " a `note` is information, and its readings and images are used. `recordings/<session>.findings.csv` has all"
+            " findings, indentation by indentation.",
             kinds_table(found),
         )
-        some = f", the first {ROWS} of {len(found)}" if len(found) > ROWS else ""
-        table = found[list(COLUMNS)].rename(columns=COLUMNS)
-        chapter.fold(f"All findings by indentation{some}").tabulate("", table.head(ROWS))
     return chapter
 
 

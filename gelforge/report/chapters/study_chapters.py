@@ -17,7 +17,7 @@ from gelforge.report.figures.measurements.flow_figure import flow_figure, read_p
 from gelforge.report.figures.simulation.force_depth import ForceDepth, deviation_table, force_depth_figure
 from gelforge.report.figures.simulation.section import section_figure
 from gelforge.report.figures.simulation.sensor_figure import sensor_figure
-from gelforge.report.figures.timing import stage_times, timing_figure
+from gelforge.report.figures.timing import stage_times
 
 FORCE_ONLY = "the sessions have no images with features; forces are compared, but nothing is learnt."
 LABELS_ONLY = "this study has no recording sessions: it makes force labels only."
@@ -256,10 +256,6 @@ def time_per_stage(results: StudyResults) -> Chapter:
     truth = results.study.data_folder / "virtual_truth" / "cells"
     stages = stage_times(results.folder, set(results.planned), truth)
     if len(stages):
-        chapter.show(
-            "The longest bar is where the time goes; jobs of a stage can run side by side.",
-            timing_figure(stages),
-        )
         table = stages.rename(
             columns={
                 "total_s": "all jobs [s]",
@@ -267,7 +263,11 @@ def time_per_stage(results: StudyResults) -> Chapter:
                 "memory_MB": "largest memory [MB]",
             }
         )
-        chapter.tabulate("Wall seconds as Snakemake measured them; memory of a job's process.", table)
+        chapter.tabulate(
+            "Wall seconds as Snakemake measured them, the longest stage first; jobs of a stage can run side by side."
+            " Memory is of a job's process.",
+            table,
+        )
     else:
         chapter.miss(f"No benchmark files in {results.folder / 'benchmarks'}; Snakemake writes them.")
     solved = [results.cell_attributes[c.name] for c in results.converged() if c.solved]

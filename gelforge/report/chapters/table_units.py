@@ -26,8 +26,7 @@ def in_units_of_the_page(name: str, table: pd.DataFrame) -> pd.DataFrame:
     if name == "reliability":
         of_bin = table["quantity"].str.startswith("bins") & (table["unit"] == "N")
         return table.assign(
-            value=table["value"].where(~of_bin, 1e3 * table["value"]),
-            unit=table["unit"].where(~of_bin, "mN"),
+            value=table["value"].where(~of_bin, 1e3 * table["value"]), unit=table["unit"].where(~of_bin, "mN")
         )
     of_bins = [column for column in table.columns if column.startswith(IN_BINS) and column.endswith("_N")]
     scaled = table.assign(**{column: 1e3 * table[column] for column in of_bins})

@@ -33,6 +33,12 @@ LAYERS = ["#F0E6C8", "#9CC9E5", "#B8D8B0", "#F3C59B"]  # soft layers from the ba
 SURROUND = {"wall": "#E8B4C8", "flange": "#D9A7D0", "base": "#CFCFCF"}
 INK = "#222222"
 FAINT = "#B5B5B5"
+ALLOWED = "#E6E6E6"  # band of the errors that are allowed for
+
+# How much a figure shows: what stays legible on a page of some 10 inches (judgement; no result depends on it).
+BAND_SIGMAS = 2  # of every band, to each side: 95 % of a normal distribution
+MOST_POINTS = 6000  # of a curve or a cloud: more make the file large and show nothing more
+MOST_PANELS = 6  # side by side
 
 SIGNED = "RdBu_r"  # signed quantities, white at zero
 MAGNITUDE = "PuBu"  # magnitudes from zero up, light at zero
@@ -99,30 +105,14 @@ def data_uri(figure: Figure) -> str:
 
 def surface_axes(ax: Axes, width_x_mm: float, width_y_mm: float, labels: bool = True) -> None:
     """Frame an axes as the sensor's top surface seen from above [mm], with equal scales."""
-    ax.set_aspect("equal")
-    ax.set_xlim(0, width_x_mm)
-    ax.set_ylim(0, width_y_mm)
-    ax.set_xticks([0, width_x_mm / 2, width_x_mm])
-    ax.set_yticks([0, width_y_mm / 2, width_y_mm])
+    ax.set(
+        aspect="equal",
+        xlim=(0, width_x_mm),
+        ylim=(0, width_y_mm),
+        xticks=[0, width_x_mm / 2, width_x_mm],
+        yticks=[0, width_y_mm / 2, width_y_mm],
+    )
     for side in ("top", "right"):
         ax.spines[side].set_visible(True)
     if labels:
-        ax.set_xlabel("x [mm]")
-        ax.set_ylabel("y [mm]")
-
-
-def frame_arrows(
-    ax: Axes, origin: tuple[float, float], length: float, names: tuple[str, str], out: str = ""
-) -> None:
-    """Draw the frame's two arrows in data units; `out` names the axis that points out of the page."""
-    x, y = origin
-    style = {"arrowstyle": "-|>", "color": INK, "lw": 1.4, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 11}
-    ax.annotate("", (x + length, y), (x, y), arrowprops=style, annotation_clip=False, zorder=9)
-    ax.annotate("", (x, y + length), (x, y), arrowprops=style, annotation_clip=False, zorder=9)
-    text: Style = {"fontsize": 9, "fontweight": "bold", "annotation_clip": False, "zorder": 9}
-    ax.annotate(names[0], (x + length, y), (0, -3), textcoords="offset points", ha="right", va="top", **text)
-    ax.annotate(names[1], (x, y + length), (-4, 0), textcoords="offset points", ha="right", va="top", **text)
-    if out:
-        ax.plot([x], [y], "o", ms=8, mfc="white", mec=INK, mew=1.2, clip_on=False, zorder=10)
-        ax.plot([x], [y], "o", ms=2.5, color=INK, clip_on=False, zorder=11)
-        ax.annotate(out, (x, y), (-6, -6), textcoords="offset points", ha="right", va="top", **text)
+        ax.set(xlabel="x [mm]", ylabel="y [mm]")

@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from gelforge.indentation.cells.cell_file import read_timings
-from gelforge.report.figures.style import SIMULATED, new_figure, styled
 
 WAITING_MB = 40.0  # at most, of a process that waits for its fork (11 MB) and has imported no numerical library (60 MB)
 CELL_STAGE, TRUTH_STAGE = "cells", "virtual_truth"
@@ -42,19 +40,3 @@ def stage_times(results: str | Path, cells: set[str], truth: Path | None = None)
         memory_MB=("memory_MB", "max"),
     )
     return grouped.sort_values("total_s", ascending=False, ignore_index=True)
-
-
-@styled
-def timing_figure(stages: pd.DataFrame) -> Figure:
-    """Return a bar per stage: job seconds summed, with number of jobs."""
-    figure, axes = new_figure(7.2, 0.9 + 0.3 * len(stages))
-    ax = axes[0, 0]
-    ax.barh(stages.stage, stages.total_s, color=SIMULATED, height=0.62)
-    for row, stage in enumerate(stages.itertuples()):
-        jobs = f"{stage.jobs} job{'s' if stage.jobs > 1 else ''}"
-        ax.text(stage.total_s, row, f"  {stage.total_s:.1f} s, {jobs}", va="center", fontsize=8.5)
-    ax.invert_yaxis()
-    ax.set_xlim(0, 1.3 * max(stages.total_s.max(), 1e-3))
-    ax.set_xlabel("seconds of jobs, summed")
-    ax.tick_params(axis="y", length=0)
-    return figure

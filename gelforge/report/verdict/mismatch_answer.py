@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import exp, log
 
 from gelforge.mismatch.result.verdict import HELD_OUT_ODDS, Experiment, Group, HeldOut, Model, Score, Verdict
+from gelforge.progress import duration
 from gelforge.report.chapters.chapter import Chapter, Facts
 from gelforge.report.figures.neighbours import MAP_SITES
 from gelforge.report.verdict.mismatch_maps import before_after_figure
@@ -169,21 +170,14 @@ def _tell_experiments(chapter: Chapter, verdict: Verdict) -> None:
 
 def _experiment_row(experiment: Experiment) -> dict:
     odds, seconds = experiment.expected_log_odds, experiment.cost_s
+    said = "" if odds is None else "> 1000" if odds > log(1000) else two_digits(exp(odds))
     return {
         "experiment": experiment.words,
         "distinguishes": ", ".join(pretty(name) for name in experiment.separates),
         "indentations": experiment.presses,
-        "time": None if seconds is None else unbroken(_time_text(seconds)),
-        "expected odds": None if odds is None else unbroken(f"{_odds_text(odds)} : 1"),
+        "time": None if seconds is None else unbroken(duration(seconds)),
+        "expected odds": None if odds is None else unbroken(f"{said} : 1"),
     }
-
-
-def _time_text(seconds: float) -> str:
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
-
-
-def _odds_text(log_odds: float) -> str:
-    return "> 1000" if log_odds > log(1000) else two_digits(exp(log_odds))
 
 
 def held_out(results: MismatchResults) -> Chapter:

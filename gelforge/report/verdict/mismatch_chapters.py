@@ -10,19 +10,13 @@ from gelforge.mismatch.result.verdict import PAGE, VERDICT, DetectionLimit, Nois
 from gelforge.mismatch.result.verdict_tables import LIMITS
 from gelforge.report.chapters.chapter import Chapter, Facts, Link, count
 from gelforge.report.chapters.results_reader import StudyResults
+from gelforge.report.figures.style import MOST_PANELS
 from gelforge.report.verdict.mismatch_answer import answer, held_out, show_before_after
 from gelforge.report.verdict.mismatch_curves import depth_figure, time_figure
-from gelforge.report.verdict.mismatch_flow import MOST_SHOWN, flow_residual_figure
+from gelforge.report.verdict.mismatch_flow import flow_residual_figure
 from gelforge.report.verdict.mismatch_maps import body_map_figure, is_known
 from gelforge.report.verdict.mismatch_reader import MismatchResults
-from gelforge.report.verdict.mismatch_words import (
-    filled,
-    in_unit,
-    p_text,
-    pretty,
-    span_text,
-    unbroken,
-)
+from gelforge.report.verdict.mismatch_words import filled, in_unit, p_text, pretty, span_text, unbroken
 
 FOLDER = "mismatch"  # of a study's verdict, in its results folder
 WHERE = {"words": "pattern", "snr": "signal over noise", "p": "chance"}
@@ -55,7 +49,7 @@ def where(results: MismatchResults) -> Chapter:
     )
     if results.flow is not None:
         chapter.show(
-            f"How far the images' flow is from the simulated one, at {MOST_SHOWN} sites at most: darker is farther. Where"
+            f"How far the images' flow is from the simulated one, at {MOST_PANELS} sites at most: darker is farther. Where"
             " single particles are is always left.",
             flow_residual_figure(results),
         )

@@ -8,6 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gelforge.report.figures.style import (
+    ALLOWED,
+    BAND_SIGMAS,
     INK,
     MEASURED,
     PUBLISHED,
@@ -17,15 +19,14 @@ from gelforge.report.figures.style import (
     signed_limit,
     styled,
 )
-from gelforge.report.verdict.mismatch_reader import LOADING, MismatchResults
+from gelforge.report.verdict.mismatch_reader import LOADING, JudgedReadings, MismatchResults
 
 BEFORE = {"color": PUBLISHED, "label": "simulated before"}
 AFTER = {"color": SIMULATED, "label": "simulated after"}
-SIGMAS = 2  # of every band
 
 
 @styled
-def depth_figure(results: MismatchResults) -> Figure:
+def depth_figure(results: JudgedReadings) -> Figure:
     """Return force over depth and, below, what is left of it, at a few sites, for the axis that differs most."""
     axis, sites = results.strongest_axis, results.shown_sites()
     sign = -1.0 if axis == "z" else 1.0  # pressing is drawn upward
@@ -51,9 +52,9 @@ def depth_figure(results: MismatchResults) -> Figure:
             _simulated(upper, means, "after_N", "after_sigma_N", sign, AFTER, "-")
         _measured(upper, table, sign * table["measured_N"], MEASURED, "measured")
         lower.axhline(0, color=INK, lw=0.8)
-        band = SIGMAS * means["sigma_N"]
+        band = BAND_SIGMAS * means["sigma_N"]
         lower.fill_between(
-            means.index, -band, band, color="#E6E6E6", lw=0, label="errors allowed for, ± 2 sigma"
+            means.index, -band, band, color=ALLOWED, lw=0, label="errors allowed for, ± 2 sigma"
         )
         _measured(lower, table, sign * table["before"], PUBLISHED, "measured − before")
         if results.has_after:
@@ -76,7 +77,7 @@ def _simulated(
 ) -> None:
     spread = means[sigma].fillna(means["sigma_N"])
     depth, force = np.concatenate([[0.0], means.index]), np.concatenate([[0.0], sign * means[column]])
-    band = np.concatenate([[0.0], SIGMAS * spread])
+    band = np.concatenate([[0.0], BAND_SIGMAS * spread])
     ax.fill_between(depth, force - band, force + band, color=look["color"], alpha=0.16, lw=0)
     ax.plot(depth, force, line, lw=1.8, **look)
 
@@ -100,8 +101,8 @@ def time_figure(results: MismatchResults) -> Figure:
     limit = 1.1 * signed_limit(table["before"], table["after"], 3 * table["sigma_N"].median())
     for ax, axis in zip(axes[:, 0], results.axes):
         rows = table[table["axis"] == axis]
-        band = SIGMAS * float(rows["sigma_N"].median())
-        ax.axhspan(-band, band, color="#E6E6E6", lw=0, label="errors allowed for, ± 2 sigma (median)")
+        band = BAND_SIGMAS * float(rows["sigma_N"].median())
+        ax.axhspan(-band, band, color=ALLOWED, lw=0, label="errors allowed for, ± 2 sigma (median)")
         ax.axhline(0, color=INK, lw=0.7)
         dots = {"ls": "none", "marker": "o", "ms": 3, "mew": 0, "alpha": 0.75, "rasterized": True}
         ax.plot(rows["minute"], rows["before"], color=PUBLISHED, label="before", **dots)

@@ -8,12 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 
-from gelforge.report.figures.style import new_figure, styled
+from gelforge.report.figures.style import MOST_PANELS, new_figure, styled
 from gelforge.report.verdict.mismatch_maps import draw_squares, spacing
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 
 SIZES = "Blues"  # sizes, white at none
-MOST_SHOWN = 6  # sites side by side, so that their labels can be read
 
 
 @styled
@@ -23,7 +22,7 @@ def flow_residual_figure(results: MismatchResults) -> Figure:
     assert flow is not None  # the chapter has looked
     columns = ["base", "after"] if flow["after_u_px"].notna().any() else ["base"]
     sites = [*flow.groupby(["x_mm", "y_mm"], sort=False)]
-    sites = sorted(sites, key=lambda one: -float(np.sum(_left(one[1], "base") ** 2)))[:MOST_SHOWN]
+    sites = sorted(sites, key=lambda one: -float(np.sum(_left(one[1], "base") ** 2)))[:MOST_PANELS]
     left = {name: [_left(table, name) for _, table in sites] for name in columns}
     limit = max(float(np.percentile(np.hypot(*parts.T), 99)) for parts in left["base"])
     figure, axes = new_figure(

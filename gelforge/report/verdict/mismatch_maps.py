@@ -18,7 +18,6 @@ from gelforge.mismatch.result.verdict import Where
 from gelforge.report.figures.style import FAINT, INK, SIGNED, new_figure, signed_limit, styled, surface_axes
 from gelforge.report.verdict.mismatch_reader import SIGMA, MismatchResults
 
-FADED = 0.4  # opacity of a patch whose change is within two standard deviations
 ORDER = "zxy"  # of the rows: pressing first, the sideways axes with their own scale below
 UNITS = {"": "N", SIGMA: "σ"}  # of a column's ending
 
@@ -130,7 +129,7 @@ def body_map_figure(results: MismatchResults) -> Figure:
         at, known = level[["x_mm", "y_mm"]].to_numpy(float), is_known(level).to_numpy()
         scale = (SIGNED, -limit, limit)
         shown = draw_squares(ax, at, spacing(at), 100 * level["change"].to_numpy(), scale, known)
-        shown.set_alpha(np.where(known, 1.0, FADED).tolist())
+        shown.set_alpha(np.where(known, 1.0, 0.4).tolist())
         if sensor:
             surface_axes(ax, sensor.width_x_mm, sensor.width_y_mm, labels=False)
         for where in results.verdict.where:

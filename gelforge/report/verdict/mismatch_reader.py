@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -19,15 +18,14 @@ SIGMA = "_sigma"  # ends the columns that are in standard deviations
 LEFT = ["before", "after", f"before{SIGMA}", f"after{SIGMA}"]
 
 
-@dataclass(frozen=True)
-class MismatchResults:
-    """verdict.json, readings.csv, body_map.csv and flow.csv of one folder."""
+class JudgedReadings:
+    """The table readings.csv of a verdict or a calibration."""
 
-    folder: Path
+    def __init__(self, table: pd.DataFrame):
+        self._given = table
 
-    @cached_property
-    def verdict(self) -> Verdict:
-        return read_verdict(self.folder)
+    def _table(self) -> pd.DataFrame:
+        return self._given
 
     @cached_property
     def readings(self) -> pd.DataFrame:
@@ -35,27 +33,10 @@ class MismatchResults:
 
         after is nan where nothing was put in.
         """
-        table = read_table(self.folder, READINGS)
-        if table is None:
-            raise VerdictError(f"{self.folder / VERDICT}: tables has no SHA-256 of {READINGS}; {REMEDY}")
+        table = self._table()
         before, after = (table["measured_N"] - table[name] for name in ("base_N", "after_N"))
         sigma = table["sigma_N"]
         return table.assign(**dict(zip(LEFT, (before, after, before / sigma, after / sigma))))
-
-    @cached_property
-    def body_map(self) -> pd.DataFrame | None:
-        return read_table(self.folder, BODY_MAP)
-
-    @cached_property
-    def flow(self) -> pd.DataFrame | None:
-        """The flow of each site's deepest indentation with images, one row per region; None where no images were judged."""
-        table = read_table(self.folder, FLOW)
-        if table is None:
-            return None
-        deepest = table.groupby(["x_mm", "y_mm"])["depth_mm"].transform("max")
-        table = table[table["depth_mm"] == deepest]
-        first = table.groupby(["x_mm", "y_mm"])["press"].transform("first")
-        return table[table["press"] == first].reset_index(drop=True)
 
     @property
     def has_after(self) -> bool:
@@ -69,9 +50,7 @@ class MismatchResults:
 
     @cached_property
     def strongest_axis(self) -> str:
-        """Return the axis whose residual before is largest beside its noise; z where nothing was found on any."""
-        if self.verdict.state == "consistent" and "z" in self.axes:
-            return "z"
+        """Return the axis whose residual before is largest beside its noise."""
         size = self.readings[f"before{SIGMA}"] ** 2
         return str(size.groupby(self.readings["axis"]).sum().idxmax())
 
@@ -127,3 +106,40 @@ class MismatchResults:
         elif len(chosen) < min(most, len(sites)):
             chosen[size.drop(list(chosen)).idxmin()] = "smallest mismatch"
         return list(chosen.items())[:most]
+
+
+class MismatchResults(JudgedReadings):
+    """verdict.json, readings.csv, body_map.csv and flow.csv of one folder."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+
+    def _table(self) -> pd.DataFrame:
+        table = read_table(self.folder, READINGS)
+        if table is None:
+            raise VerdictError(f"{self.folder / VERDICT}: tables has no SHA-256 of {READINGS}; {REMEDY}")
+        return table
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        return read_verdict(self.folder)
+
+    @cached_property
+    def body_map(self) -> pd.DataFrame | None:
+        return read_table(self.folder, BODY_MAP)
+
+    @cached_property
+    def flow(self) -> pd.DataFrame | None:
+        """The flow of each site's deepest indentation with images, one row per region; None where no images were judged."""
+        table = read_table(self.folder, FLOW)
+        if table is None:
+            return None
+        deepest = table.groupby(["x_mm", "y_mm"])["depth_mm"].transform("max")
+        table = table[table["depth_mm"] == deepest]
+        first = table.groupby(["x_mm", "y_mm"])["press"].transform("first")
+        return table[table["press"] == first].reset_index(drop=True)
+
+    @cached_property
+    def strongest_axis(self) -> str:
+        """Return the axis whose residual before is largest beside its noise; z where nothing was found on any."""
+        return "z" if self.verdict.state == "consistent" and "z" in self.axes else super().strongest_axis

@@ -15,9 +15,7 @@ def loss_figure(loss: pd.DataFrame) -> Figure:
     ax = axes[0, 0]
     ax.plot(loss.step, loss.training, color=SIMULATED, lw=1.6, label="training rows")
     ax.plot(loss.step, loss.validation, color=MEASURED, lw=1.6, label="validation sites (never trained on)")
-    ax.set_yscale("log")
-    ax.set_xlabel("optimiser step")
-    ax.set_ylabel("mean squared error\nof scaled outputs [-]")
+    ax.set(yscale="log", xlabel="optimiser step", ylabel="mean squared error\nof scaled outputs [-]")
     ax.grid(True, which="both")
     ax.legend()
     return figure

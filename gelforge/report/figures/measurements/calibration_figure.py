@@ -37,9 +37,11 @@ def calibration_figure(found: Calibration, example: np.ndarray, straight: np.nda
         ax.imshow(picture, cmap="gray", vmin=0, vmax=255)
         ax.set_title(title)
     for ax in axes.ravel():
-        ax.set_xlim(-0.5, width - 0.5)
-        ax.set_ylim(height - 0.5, -0.5)
-        ax.set_aspect("equal")
-        ax.set_xlabel("u [px]")
-        ax.set_ylabel("v [px]")
+        ax.set(
+            xlim=(-0.5, width - 0.5),
+            ylim=(height - 0.5, -0.5),
+            aspect="equal",
+            xlabel="u [px]",
+            ylabel="v [px]",
+        )
     return figure

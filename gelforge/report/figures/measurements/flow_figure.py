@@ -11,8 +11,6 @@ from matplotlib.image import imread
 
 from gelforge.report.figures.style import new_figure, styled
 
-SHOWN_ARROWS = 20  # along each side at most; more arrows than this merge into a carpet
-
 
 def read_picture(path: str | Path, used: Callable[[np.ndarray], np.ndarray] | None = None) -> np.ndarray:
     """Return an image (H, W) or (H, W, 3) for display; used: makes of it what its features saw, cropped or remapped."""
@@ -47,13 +45,10 @@ def flow_figure(image: np.ndarray, feature: np.ndarray) -> Figure:
         axes[0], ("image of the indentation", "flow since the zero-force image"), (1, 0.3)
     ):
         ax.imshow(image, cmap="gray", interpolation="nearest", alpha=strength)
-        ax.set_title(title)
-        ax.set_xticks([0, width - 1])
-        ax.set_yticks([0, height - 1])
-        ax.set_xlabel("u [px]")
+        ax.set(title=title, xticks=[0, width - 1], yticks=[0, height - 1], xlabel="u [px]")
     axes[0, 0].set_ylabel("v [px]")
     n = round(np.sqrt(len(u)))
-    step = int(np.ceil(n / SHOWN_ARROWS))
+    step = int(np.ceil(n / 20))  # more arrows along a side merge into a carpet
     keep = (np.arange(n * n) % n % step == 0) & (np.arange(n * n) // n % step == 0)
     size = np.hypot(du, dv)
     largest = max(size.max(initial=0.0), 1e-6)

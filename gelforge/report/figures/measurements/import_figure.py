@@ -9,20 +9,26 @@ from matplotlib.figure import Figure
 
 from gelforge.importing.camera import grey_image
 from gelforge.importing.importer import Aligned, Imported
-from gelforge.report.figures.style import FAINT, INK, MEASURED, PREDICTED, PUBLISHED_LINEAR, SIMULATED, styled
+from gelforge.report.figures.style import (
+    FAINT,
+    INK,
+    MEASURED,
+    MOST_PANELS,
+    MOST_POINTS,
+    PREDICTED,
+    PUBLISHED_LINEAR,
+    SIMULATED,
+    styled,
+)
 
 PHASES = {"zero": "#9CC9E5", "load": "#F3C59B", "dwell": "#B8D8B0", "shear": "#D9A7D0", "unload": "#DDDDDD"}
-MOST_CONTACTS = 24
-MOST_FRAMES = 6
-CLOSE_PRESSES = 3
-MOST_POINTS = 6000
 
 
 @styled
 def import_figure(imported: Imported, folder: Path) -> Figure:
     """Return the page of a session that is written in this folder."""
     kept = imported.presses.kept
-    contacts = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, MOST_CONTACTS).astype(int))]
+    contacts = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, 4 * MOST_PANELS).astype(int))]
     columns = 8 if len(contacts) > 6 else max(len(contacts), 4)
     contact_rows = -(-len(contacts) // columns)
     heights = [2.6, 3.4, 2.4, 1.5 * contact_rows] + ([2.0] if imported.frames else [])
@@ -54,7 +60,7 @@ def title(imported: Imported) -> str:
 
 def _close_span(imported: Imported) -> tuple[float, float]:
     kept = imported.presses.kept
-    return kept[0].zero_s[0] - 0.3, kept[min(CLOSE_PRESSES, len(kept)) - 1].end_s + 0.5
+    return kept[0].zero_s[0] - 0.3, kept[min(3, len(kept)) - 1].end_s + 0.5
 
 
 def _signals(imported: Imported, axes, span, name: str) -> None:
@@ -155,13 +161,7 @@ def _lags(name: str, clock: Aligned, imported: Imported, ax) -> None:
     at, law = np.array([0.0, imported.stage.time_s[-1]]), clock.law
     line = law.lag_s + law.rate * at
     middle = float(line.mean())
-    ax.plot(
-        clock.bends.at_s,
-        1e3 * (clock.bends.lag_s - middle),
-        ".",
-        color=INK,
-        ms=4,
-    )
+    ax.plot(clock.bends.at_s, 1e3 * (clock.bends.lag_s - middle), ".", color=INK, ms=4)
     ax.plot(at, 1e3 * (line - middle), color=PREDICTED, lw=1.2)
     error = f" ± {2e3 * law.se_s:.1f} ms" if law.se_s else " (given)"
     ax.set(
@@ -202,7 +202,7 @@ def _contacts(imported: Imported, presses, axes) -> None:
 def _frames(imported: Imported, images: Path, part) -> None:
     """Draw the reference, and of some indentations the last frame of the wait and what changed against their zero frame."""
     kept = imported.presses.kept
-    chosen = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, MOST_FRAMES).astype(int))]
+    chosen = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, MOST_PANELS).astype(int))]
     names = imported.table[imported.table["image"] != ""].groupby("press")["image"]
     pairs = [(press, names.get_group(f"p{press.number:03d}").iloc[[0, -1]]) for press in chosen]
     axes = part.subplots(1, 2 * len(pairs))

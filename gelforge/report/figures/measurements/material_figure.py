@@ -10,7 +10,6 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from gelforge.files import read_product_table
 from gelforge.materials.basis.common_form import LOAD_CASE_OF
@@ -41,7 +40,6 @@ TITLES = {
 }
 BESIDE = {"compression", "simple_shear"}  # without a standard test beside them, its empty panels say nothing
 SHOWN_STRETCH = (1.0, 2.0)  # where no test was made at all and the law stands alone
-MEAN_MARKS = 14  # of the averaged curve; more would hide the model's line
 OTHER_LAWS = [
     (PREDICTED, "--"),
     (PUBLISHED_LINEAR, "-."),
@@ -51,10 +49,6 @@ OTHER_LAWS = [
     ("#555555", ":"),
     (PREDICTED, (0, (6, 1.5, 1, 1.5, 1, 1.5))),
 ]  # one for each law beside the chosen one
-NARROWEST = 6.5  # of the figure, so that its title fits
-HEADROOM = 1.08  # of the axes over the largest measured stress
-RESIDUAL_AXIS = 15.0  # per cent, at most: worse laws leave the picture
-BEHIND = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}  # of text on a curve
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
 
 
@@ -79,7 +73,7 @@ def material_figure(
     )
     kinds, rows = [*standard, *further], 2 if len(curves) else 1
     ratios = {"height_ratios": [3, 1.25]} if rows == 2 else None
-    size = (max(3.0 * len(kinds), NARROWEST), 3.5 if rows == 1 else 5.1)
+    size = (max(3.0 * len(kinds), 6.5), 3.5 if rows == 1 else 5.1)  # the title fits
     figure, axes = new_figure(
         *size, nrows=rows, ncols=len(kinds), sharey="row", sharex="col", gridspec_kw=ratios
     )
@@ -123,13 +117,14 @@ def _load_case(
             "lw": 1.1 if number else 1.8,
         }
         label = _label(m, len(laws))
-        model = _cauchy(test, _nominal(m.law, test, stretch), stretch)
+        area = 1.0 if test == "simple_shear" else stretch  # per current area; the sheared plane keeps its own
+        model = _nominal(m.law, test, stretch) * area
         ax.plot(stretch, model, label=label, zorder=3 - 0.1 * number, **style)
         if residual is not None and len(mean):
             error = _nominal(m.law, test, mean.stretch.to_numpy()) - mean.nominal_stress_kPa
             residual.plot(mean.stretch, 100 * error / mean.nominal_stress_kPa.abs().max(), **style)
     if len(mean):
-        mean = mean.iloc[np.linspace(0, len(mean) - 1, MEAN_MARKS).round().astype(int)]
+        mean = _thinned(mean)
         marks: Style = {"ls": "", "marker": "o", "ms": 4.2, "mfc": "white", "mec": MEASURED, "mew": 1.5}
         ax.plot(mean.stretch, mean.cauchy_stress_kPa, label="mean of specimens", **marks)
     if stretch[0] >= 1:
@@ -137,8 +132,7 @@ def _load_case(
     r2 = (laws[0].r2_nominal or {}).get(test)
     count = f"{len(samples)} specimen{'s' if len(samples) != 1 else ''}"
     text = "not tested" if r2 is None else f"R² = {np.floor(r2 * 1e4) / 1e4:.4f}\n{count}"
-    ax.text(0.04, 0.97, text, transform=ax.transAxes, va="top", fontsize=9.5, color=INK, bbox=BEHIND)
-    _sketch(ax, test)
+    _say(ax, text)
 
 
 def _biaxial(
@@ -153,7 +147,7 @@ def _biaxial(
         model = curve.model_nominal_stress_kPa * to_cauchy
         ax.plot(curve.stretch, model, color=SIMULATED, lw=1.2, label=_label(laws[0], len(laws)))
         fill = "white" if label.endswith("P22") else MEASURED
-        thinned = curve.iloc[np.linspace(0, len(curve) - 1, min(len(curve), MEAN_MARKS)).round().astype(int)]
+        thinned = _thinned(curve)
         style: Style = {"ls": "", "marker": mark, "ms": 3.6, "mfc": fill, "mec": MEASURED}
         ax.plot(thinned.stretch, thinned.cauchy_stress_kPa, **style)
         error = (
@@ -166,7 +160,18 @@ def _biaxial(
     r2, count = (laws[0].r2_nominal or {}).get(kind), mean.test.nunique()
     curves_shown = f"{count} curve{'s' if count > 1 else ''}"
     text = curves_shown if r2 is None else f"R² = {r2:.4f}\n{curves_shown}"
-    ax.text(0.04, 0.97, text, transform=ax.transAxes, va="top", fontsize=9.5, color=INK, bbox=BEHIND)
+    _say(ax, text)
+
+
+def _say(ax: Axes, text: str) -> None:
+    """Write a text into the upper left corner, legible on curves."""
+    behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+    ax.text(0.04, 0.97, text, transform=ax.transAxes, va="top", fontsize=9.5, color=INK, bbox=behind)
+
+
+def _thinned(curve: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of a curve that are marked: more would hide the model's line."""
+    return curve.iloc[np.linspace(0, len(curve) - 1, min(len(curve), 14)).round().astype(int)]
 
 
 def _drawn(laws: list[MaterialLaw]):
@@ -186,11 +191,6 @@ def _nominal(law: PrincipalLaw, test: str, stretch: np.ndarray) -> np.ndarray:
     return stress_points(LOAD_CASE_OF[test], stretch).measured_stress(law) * 1e3
 
 
-def _cauchy(test: str, nominal: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Return the stress per current area; the sheared plane keeps its area."""
-    return nominal if test == "simple_shear" else nominal * stretch
-
-
 def _reach(curves: pd.DataFrame) -> float:
     """Return up to which stretch a test that was not made is shown: as far as the others went."""
     standard = curves[curves.kind.isin([*LOAD_CASES, "biaxial"])]
@@ -201,36 +201,17 @@ def _reach(curves: pd.DataFrame) -> float:
 
 def _scale(axes: np.ndarray, curves: pd.DataFrame) -> None:
     """Scale the axes by what was measured: a law that fails must not flatten it."""
-    low = min(0.0, HEADROOM * float(curves.cauchy_stress_kPa.min())) if len(curves) else 0.0
-    high = HEADROOM * float(curves.cauchy_stress_kPa.max()) if len(curves) else None
+    low = min(0.0, 1.08 * float(curves.cauchy_stress_kPa.min())) if len(curves) else 0.0
+    high = 1.08 * float(curves.cauchy_stress_kPa.max()) if len(curves) else None
     axes[0][0].set_ylim(low, high)
     if len(axes) == 1:
         return
     lines = [line.get_ydata() for ax in axes[1] for line in ax.get_lines()]
     largest = max((float(np.nanmax(np.abs(y))) for y in lines if np.isfinite(y).any()), default=1.0)
-    axes[1][0].set_ylim(-min(1.1 * largest, RESIDUAL_AXIS), min(1.1 * largest, RESIDUAL_AXIS))
-    axes[1][0].set_ylabel("model - mean\n[% of largest]")
+    limit = min(1.1 * largest, 15.0)  # per cent: worse laws leave the picture
+    axes[1][0].set(ylim=(-limit, limit), ylabel="model - mean\n[% of largest]")
     for ax in axes[1]:
         ax.axhline(0, color="#999999", lw=0.7, zorder=0)
-
-
-def _sketch(ax: Axes, test: str) -> None:
-    """Draw a square of material with the arrows of its load case below R2, in units of a small inset."""
-    if test not in LOAD_CASES:
-        return
-    inset = ax.inset_axes((0.02, 0.54, 0.26, 0.26))
-    inset.set_axis_off()
-    inset.set_aspect("equal")
-    inset.set_xlim(-2, 2)
-    inset.set_ylim(-2, 2)
-    width, height = {"uniaxial": (0.9, 1.6), "pure_shear": (2.6, 0.9), "equibiaxial": (1.5, 1.5)}[test]
-    inset.add_patch(Rectangle((-width / 2, -height / 2), width, height, fc="#E8EEF4", ec=INK, lw=0.9))
-    ends = [((0.0, s * height / 2), (0.0, s * (height / 2 + 0.9))) for s in (-1, 1)]
-    if test == "equibiaxial":
-        ends += [((s * width / 2, 0.0), (s * (width / 2 + 0.9), 0.0)) for s in (-1, 1)]
-    for start, end in ends:
-        arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
-        inset.annotate("", end, start, arrowprops=arrow)
 
 
 def _title(material: MaterialLaw) -> str:

@@ -110,8 +110,7 @@ def force_depth_figure(curves: list[ForceDepth], resolution_N: float = PAPER_RES
                 capsize=2,
                 label="this study: F/T, ± resolution",
             )
-        ax.set_title(curve.title)
-        ax.set_xlabel("depth of the ball [mm]")
+        ax.set(title=curve.title, xlabel="depth of the ball [mm]")
         ax.grid(True)
         ax.set_xlim(left=0)
     axes[0, 0].set_ylim(bottom=0)

@@ -17,13 +17,7 @@ def draw_force_map(ax: Axes, bin_force, nx: int, ny: int, widths_mm: tuple[float
     x = np.linspace(0, widths_mm[0], nx + 1)
     y = np.linspace(0, widths_mm[1], ny + 1)
     mesh = ax.pcolormesh(
-        x,
-        y,
-        np.asarray(bin_force).reshape(ny, nx),
-        cmap=SIGNED,
-        vmin=-limit,
-        vmax=limit,
-        rasterized=True,
+        x, y, np.asarray(bin_force).reshape(ny, nx), cmap=SIGNED, vmin=-limit, vmax=limit, rasterized=True
     )
     surface_axes(ax, *widths_mm, labels=False)
     return mesh

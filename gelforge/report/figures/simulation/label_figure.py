@@ -16,7 +16,7 @@ from gelforge.hdf5 import opened
 from gelforge.indentation.cells.cell_file import FORMAT as CELL_FORMAT
 from gelforge.indentation.sensor.unrolled import place_in_bins
 from gelforge.report.figures.simulation.force_maps import AXES, draw_force_map, row_limits, total_text
-from gelforge.report.figures.style import INK, frame_arrows, new_figure, styled
+from gelforge.report.figures.style import INK, new_figure, styled
 
 
 class LabelError(ValueError):
@@ -118,21 +118,18 @@ def _shard_label(file: h5py.File, path: Path, row: int | None) -> Label:
 
 @styled
 def label_figure(path: str | Path, row: int | None = None) -> Figure:
-    """Return three maps (x, y, z) of a label with totals and the frame's arrows."""
+    """Return three maps (x, y, z) of a label with totals."""
     label = read_label(path, row)
     limits, along = row_limits(label.bin_force_N), " along the surface" if label.unrolled_mm else ""
     figure, axes = new_figure(10.2, 4.2, nrows=1, ncols=3)
     for ax, axis, force, limit in zip(axes[0], AXES, label.bin_force_N.T, limits):
         mesh = draw_force_map(ax, force, *label.bins, label.widths_mm, limit)
-        ax.set_title(f"$F_{axis}$  {total_text(force)}")
-        ax.set_xlabel(f"x{along} [mm]")
+        ax.set(title=f"$F_{axis}$  {total_text(force)}", xlabel=f"x{along} [mm]")
         if label.depth_mm > 0:
             ax.plot(*(label.unrolled_mm or label.position_mm), "+", color=INK, ms=7)
         figure.colorbar(mesh, ax=ax, label="[N per bin]", shrink=0.72, orientation="horizontal", pad=0.03)
     axes[0, 0].set_ylabel(f"y{along} [mm]")
-    size = 0.22 * min(label.widths_mm)
-    frame_arrows(axes[0, 0], (0.1 * label.widths_mm[0], 0.1 * label.widths_mm[1]), size, ("x", "y"), out="z")
     where = f"at ({label.position_mm[0]:g}, {label.position_mm[1]:g}) mm, {label.depth_mm:g} mm deep"
-    view = "surface unrolled" if label.unrolled_mm else "seen from above"
+    view = "surface unrolled" if label.unrolled_mm else "seen from above, z towards the viewer"
     figure.suptitle(f"{label.title}\nforce on the sensor {where}, {view}", fontsize=10)
     return figure

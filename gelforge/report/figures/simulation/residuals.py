@@ -1,4 +1,4 @@
-"""Where and how deep simulated and measured total force differ."""
+"""How simulated and measured total force differ over depth; over position the verdict's maps show it."""
 
 from __future__ import annotations
 
@@ -6,18 +6,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from gelforge.report.figures.neighbours import depth_classes, one_depth_each, pooled_means
-from gelforge.report.figures.style import (
-    FAINT,
-    INK,
-    MEASURED,
-    SIGNED,
-    SIMULATED,
-    new_figure,
-    signed_limit,
-    styled,
-    surface_axes,
-)
+from gelforge.report.figures.neighbours import depth_classes
+from gelforge.report.figures.style import INK, MEASURED, SIMULATED, new_figure, signed_limit, styled
 
 AXES = ("x", "y", "z")
 
@@ -26,46 +16,6 @@ def residuals_N(agreement: pd.DataFrame) -> np.ndarray:
     """Return F/T minus FEM (N, 3) of an agreement table with ft_x_N.. and fem_x_N.., as the table rmse_gt does."""
     measured = agreement[[f"ft_{a}_N" for a in AXES]].to_numpy(float)
     return measured - agreement[[f"fem_{a}_N" for a in AXES]].to_numpy(float)
-
-
-@styled
-def residual_map_figure(agreement: pd.DataFrame, widths_mm: tuple[float, float], resolution_N) -> Figure:
-    """Return the mean residual F/T - FEM over all depths at each position, one panel per axis.
-
-    Where positions have one depth each, the mean is that of the nearest positions, so that no map of depths is drawn.
-    Colours reach at least the resolution (3) [N], so that what the F/T sensor cannot resolve stays pale.
-    """
-    table = agreement[["x_mm", "y_mm"]].round(3)
-    for axis, column in zip(AXES, residuals_N(agreement).T):
-        table[axis] = column
-    place = ["x_mm", "y_mm"]
-    mean = table.groupby(place, as_index=False).mean()
-    if one_depth_each(table.groupby(place).ngroup(), agreement["depth_mm"]):
-        mean[list(AXES)] = pooled_means(mean[place].to_numpy(), mean[list(AXES)].to_numpy())
-    size = np.clip(
-        14000 / max(len(mean), 1), 6, 420
-    )  # marker area in points^2: sites nearly touch on a regular grid
-    figure, axes = new_figure(9.6, 3.1, nrows=1, ncols=3, sharey=True)
-    for ax, axis, resolution in zip(axes[0], AXES, resolution_N):
-        limit = signed_limit(mean[axis].to_numpy(), floor=resolution)
-        shown = ax.scatter(
-            mean.x_mm,
-            mean.y_mm,
-            c=mean[axis],
-            s=size,
-            marker="s",
-            cmap=SIGNED,
-            vmin=-limit,
-            vmax=limit,
-            lw=0.3,
-            ec=FAINT,
-        )
-        surface_axes(ax, *widths_mm)
-        ax.set_title(f"$F_{axis}$: F/T − FEM, mean over depths", fontsize=9)
-        figure.colorbar(shown, ax=ax, label="[N]", shrink=0.85)
-    for ax in axes[0, 1:]:
-        ax.set_ylabel("")
-    return figure
 
 
 @styled

@@ -13,8 +13,6 @@ from gelforge.config import Indenter
 from gelforge.report.figures.simulation.silhouette import draw_indenter
 from gelforge.report.figures.style import FAINT, INK, MAGNITUDE, PREDICTED, new_figure, region_colours, styled
 
-QUAD_SIDES = ([0, 1], [1, 2], [2, 3], [3, 0])
-
 
 def contact_pressure_kPa(node_normal_N: np.ndarray, node_area_mm2: np.ndarray) -> np.ndarray:
     """Return |normal force| (S, 3) over area (S) in kPa; a node without area carries none."""
@@ -29,9 +27,9 @@ def boundary_edges(xz: np.ndarray, quads: np.ndarray, regions: np.ndarray) -> np
     xz (P, 2) are undeformed nodes: there the quads of hexahedra are upright rectangles. Where one meets two smaller ones
     they share no edge; such an edge is no boundary if just beyond it lies the same region.
     """
-    sides = np.sort(np.concatenate([quads[:, side] for side in QUAD_SIDES]), axis=1)  # (4Q, 2)
+    sides = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)  # (4Q, 2)
     edges, index, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
-    owner = np.tile(regions, len(QUAD_SIDES)).astype(float)
+    owner = np.repeat(regions, 4).astype(float)
     lowest, highest = np.full(len(edges), np.inf), np.full(len(edges), -np.inf)
     np.minimum.at(lowest, index.ravel(), owner)
     np.maximum.at(highest, index.ravel(), owner)
@@ -40,7 +38,7 @@ def boundary_edges(xz: np.ndarray, quads: np.ndarray, regions: np.ndarray) -> np
         return edges[kept]
     single = np.flatnonzero(count == 1)
     quad = np.empty(len(edges), int)
-    quad[index.ravel()] = np.tile(np.arange(len(quads)), len(QUAD_SIDES))
+    quad[index.ravel()] = np.repeat(np.arange(len(quads)), 4)
     beyond = _region_beyond(xz, edges[single], quads, quad[single], regions)
     kept[single] = beyond != lowest[single]
     return edges[kept]
@@ -80,9 +78,7 @@ def draw_section(ax: Axes, node_mm, displacement_mm, quads, regions, names: list
     used = sorted(set(int(r) for r in regions))
     patches = [Patch(fc=colours[r], ec="#8E8E8E", label=names[r]) for r in used]
     patches.append(Patch(fc="none", ec=PREDICTED, ls="--", label="before the indentation"))
-    ax.set_aspect("equal")
-    ax.set_xlabel("x [mm]")
-    ax.set_ylabel("z [mm]")
+    ax.set(aspect="equal", xlabel="x [mm]", ylabel="z [mm]")
     return patches
 
 
@@ -103,11 +99,13 @@ def draw_pressure(ax: Axes, node_xy_mm, displacement_mm, pressure_kPa, centre_mm
         rasterized=True,
     )
     ax.plot(moved[:, 0], moved[:, 1], ".", ms=1.2, color=FAINT, rasterized=True)
-    ax.set_aspect("equal")
-    ax.set_xlim(centre_mm[0] - half_width_mm, centre_mm[0] + half_width_mm)
-    ax.set_ylim(centre_mm[1] - half_width_mm, centre_mm[1] + half_width_mm)
-    ax.set_xlabel("x [mm]")
-    ax.set_ylabel("y [mm]")
+    ax.set(
+        aspect="equal",
+        xlim=(centre_mm[0] - half_width_mm, centre_mm[0] + half_width_mm),
+        ylim=(centre_mm[1] - half_width_mm, centre_mm[1] + half_width_mm),
+        xlabel="x [mm]",
+        ylabel="y [mm]",
+    )
     return image
 
 
@@ -131,9 +129,11 @@ def section_figure(arrays: dict, row: int, names: list[str], position_mm, indent
     x, _, z = arrays["indenter_mm"][row]
     turned = np.append(arrays["tilt_deg"][row], arrays["twist_deg"][row] if "twist_deg" in arrays else 0.0)
     top_mm = draw_indenter(side, indenter, x, z, turned)
-    side.set_xlim(nodes[:, 0].min() - 0.7, nodes[:, 0].max() + 0.7)
-    side.set_ylim(nodes[:, 2].min() - 0.4, top_mm + 0.5)
-    side.set_title(f"cut at y = {nodes[:, 1].mean():.2f} mm, indenter {depth:g} mm deep, true scale")
+    side.set(
+        xlim=(nodes[:, 0].min() - 0.7, nodes[:, 0].max() + 0.7),
+        ylim=(nodes[:, 2].min() - 0.4, top_mm + 0.5),
+        title=f"cut at y = {nodes[:, 1].mean():.2f} mm, indenter {depth:g} mm deep, true scale",
+    )
 
     carries = np.asarray(arrays["node_area_mm2"]) > 0  # corners of quadratic tetrahedra stand for no area
     node_xy = np.asarray(arrays["node_xy_mm"])[carries]

@@ -10,25 +10,12 @@ from matplotlib.patches import Polygon, Rectangle
 
 from gelforge.config import Camera, Sensor, Session, Study
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.sensor.indenter_shapes import shape_of
+from gelforge.indentation.sensor.sensor_mesh import sensor_solids
 from gelforge.indentation.sensor.unrolled import is_unrolled, rolled
-from gelforge.mechanics.indenters.shapes import DOWN
 from gelforge.recording.optics.camera import CameraError, unproject
-from gelforge.report.figures.simulation.silhouette import draw_indenter
-from gelforge.report.figures.style import (
-    INK,
-    PREDICTED,
-    SIMULATED,
-    SURROUND,
-    Style,
-    frame_arrows,
-    new_figure,
-    region_colours,
-    styled,
-)
+from gelforge.report.figures.simulation.cross_section import add_layer_key, draw_cut
+from gelforge.report.figures.style import PREDICTED, SIMULATED, Style, new_figure, styled
 
-WALL_COLOUR = SURROUND["wall"]
-LINE_POINTS = 60  # of the edge of a row of bins, which a dome bends
 OUTSIDE = "#E9E6DC"  # of a shape seen from above: the positions' blues must stand out
 
 
@@ -55,10 +42,10 @@ def sensor_figure(study: Study, cells: dict[str, PlannedCell], session: Session 
     """Return the sensor from above (positions, bins, camera view, frame) beside its section with the ball."""
     crop = session.crop_px if session else None
     camera = session.camera if session and _sees_a_frame(session.camera, crop) else None
-    figure, axes = new_figure(10.4, 5.7, nrows=1, ncols=2, width_ratios=[1, 1])
+    figure, axes = new_figure(10.4, 6.3, ncols=2)
     _draw_above(axes[0, 0], study, cells, camera, crop)
     _draw_side(axes[0, 1], study, cells, camera, crop)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
     return figure
 
 
@@ -70,11 +57,8 @@ def _draw_above(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: C
         ax.add_patch(
             Rectangle((-w, -w), wx + 2 * w, wy + 2 * w, fc="#F6E3EA", ec="#999999", label=f"flange {w:g} mm")
         )
-    if sensor.shape.kind == "block":
-        _draw_block_above(ax, sensor)
-    else:
-        _draw_surface_above(ax, sensor)
-    along_x, along_y = np.linspace(0, wx, LINE_POINTS), np.linspace(0, wy, LINE_POINTS)
+    _draw_surface_above(ax, sensor)
+    along_x, along_y = np.linspace(0, wx, 60), np.linspace(0, wy, 60)  # a dome bends the edges of bins
     edges = [np.stack(np.broadcast_arrays(x, along_y), -1) for x in np.linspace(0, wx, sensor.bins.nx + 1)]
     edges += [np.stack(np.broadcast_arrays(along_x, y), -1) for y in np.linspace(0, wy, sensor.bins.ny + 1)]
     for edge in edges:
@@ -103,143 +87,34 @@ def _draw_above(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: C
         ax.add_patch(Polygon(corners, label="what the camera sees at z = 0", **view))
         place: Style = {"textcoords": "offset points", "ha": "left", "va": "bottom", "fontsize": 8}
         ax.annotate("image's top left", corners[0], (0, 3), color=PREDICTED, **place)
-    frame_arrows(ax, (0, 0), 0.2 * max(wx, wy), ("x", "y"), out="z")
     ax.set_aspect("equal")
     ax.autoscale_view()
     ax.margins(0.06)
     nx, ny = sensor.bins.nx, sensor.bins.ny
     of_each = "equal areas" if is_unrolled(sensor) else f"{wx / nx:.3g} x {wy / ny:.3g} mm"
     bins = f"{nx} x {ny} bins of {of_each}"
-    ax.set_title(f"from above: {wx:g} x {wy:g} mm, {bins}")
-    ax.set_xlabel("x [mm]")
-    ax.set_ylabel("y [mm]")
-
-
-def _draw_block_above(ax: Axes, sensor: Sensor) -> None:
-    wx, wy, wall = sensor.width_x_mm, sensor.width_y_mm, sensor.wall_mm
-    colours = region_colours([layer.name for layer in sensor.layers])
-    wall_label = f"wall {wall:g} mm, below the top layer" if wall else "no wall"
-    ax.add_patch(Rectangle((0, 0), wx, wy, fc=WALL_COLOUR, ec=INK, lw=1.4, label=wall_label))
-    ax.add_patch(
-        Rectangle(
-            (wall, wall),
-            wx - 2 * wall,
-            wy - 2 * wall,
-            fc=colours[0],
-            ec="none",
-            label=f"{sensor.layers[0].name} inside the wall",
-        )
-    )
+    ax.set(title=f"from above: {wx:g} x {wy:g} mm, {bins}", xlabel="x [mm]", ylabel="y [mm]")
 
 
 def _draw_surface_above(ax: Axes, sensor: Sensor) -> None:
-    """Draw the surfaces of a sensor that is no block, seen from above."""
-    from gelforge.indentation.sensor.sensor_mesh import sensor_solids  # loads the mesher's files
-
+    """Draw the surfaces of a sensor, seen from above."""
     surfaces = sensor_solids(sensor).surfaces
     triangles = np.concatenate([surface.vertices[surface.triangles][:, :, :2] for surface in surfaces])
     ax.add_collection(PolyCollection(list(triangles), facecolors=OUTSIDE, edgecolors=OUTSIDE, linewidths=0.4))
     ax.add_patch(Rectangle((0, 0), 0, 0, fc=OUTSIDE, label=f"outer surface, a {sensor.shape.kind}"))
 
 
-def _draw_surfaces_cut(ax: Axes, sensor: Sensor) -> None:
-    """Draw the solids of a sensor that is no block, cut at the middle of y."""
-    from gelforge.indentation.sensor.sensor_mesh import sensor_solids
-
-    solids, colours = sensor_solids(sensor), region_colours([layer.name for layer in sensor.layers])
-    low, high = solids.bounds
-    x, z = (np.linspace(a - 0.1, b + 0.1, 241) for a, b in zip(low[[0, 2]], high[[0, 2]]))
-    points = np.stack(np.meshgrid(x, [(low[1] + high[1]) / 2], z, indexing="ij"), axis=-1).reshape(-1, 3)
-    for surface, colour in reversed(list(zip(solids.surfaces, colours))):
-        gap = surface.distance(points)[0].reshape(len(x), len(z)).T
-        ax.contourf(x, z, gap, levels=[gap.min() - 1, 0.0], colors=[colour])
-        ax.contour(x, z, gap, levels=[0.0], colors=[INK], linewidths=0.7)
-
-
-def _draw_layers(ax: Axes, sensor: Sensor, text_x_mm: float) -> None:
-    wx, wall, height = sensor.width_x_mm, sensor.wall_mm, sensor.height_mm
-    bottom = -height
-    colours = region_colours([layer.name for layer in sensor.layers])
-    block = sensor.shape.kind == "block"
-    if not block:
-        _draw_surfaces_cut(ax, sensor)
-    for number, layer in enumerate(sensor.layers):
-        inset = 0 if number == len(sensor.layers) - 1 else wall  # the top layer caps the wall
-        if block:
-            corner, width = (inset, bottom), wx - 2 * inset
-            ax.add_patch(Rectangle(corner, width, layer.thickness_mm, fc=colours[number], ec=INK, lw=0.7))
-        ax.annotate(
-            f"{layer.name}: {layer.thickness_mm:g} mm, {layer.material}",
-            (text_x_mm, bottom + layer.thickness_mm / 2),
-            (10, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=8.5,
-            annotation_clip=False,
-        )
-        bottom += layer.thickness_mm
-    under = height - sensor.layers[-1].thickness_mm
-    if block and wall and len(sensor.layers) > 1:
-        for x in (0, wx - wall):
-            ax.add_patch(Rectangle((x, -height), wall, under, fc=WALL_COLOUR, ec=INK, lw=0.7))
-    if sensor.flange:
-        w, h = sensor.flange.width_mm, sensor.flange.height_mm
-        for x in (-w, wx):
-            ax.add_patch(Rectangle((x, -height), w, h, fc=WALL_COLOUR, ec=INK, lw=0.7))
-
-
 def _draw_side(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: Camera | None, crop) -> None:
-    sensor = study.sensor
-    wx, height = sensor.width_x_mm, sensor.height_mm
+    """Draw the cut at the middle of y, with the camera's rays up to the surface; it may lie below the drawing."""
+    solids = sensor_solids(study.sensor)
+    draw_cut(ax, study, solids, 0)
+    add_layer_key(ax.figure, study, solids, "outside lower right")
     depths = sorted({depth for cell in cells.values() for depth in cell.depths_mm})
-    rim = sensor.flange.width_mm if sensor.flange else 0.0
-    base = 0.07 * wx
-    seen = camera_footprint(camera, crop)[:, 0].max() if camera else wx
-    text_x = max(wx + rim, seen)  # beside the sensor and the camera's view
-    ax.add_patch(
-        Rectangle((-rim, -height - base), wx + 2 * rim, base, fc="#E3E3E3", ec="#9A9A9A", hatch="///", lw=0.6)
-    )
-    ax.annotate(
-        "rigid base",
-        (text_x, -height - base / 2),
-        (10, 0),
-        textcoords="offset points",
-        va="center",
-        fontsize=8.5,
-    )
-    _draw_layers(ax, sensor, text_x)
-    deepest = depths[-1]
-    shape = shape_of(study.indenter)
-    top = draw_indenter(
-        ax, study.indenter, wx / 2, shape.support(DOWN) - deepest, fc="#FFFFFFCC", lw=1.2, zorder=1
-    )
-    text = f"{study.indenter.words},\n{deepest:g} mm deep"
-    ax.text(wx / 2 + shape.support(np.eye(3)[0]) + 0.02 * wx, top / 2, text, va="center", fontsize=8.5)
-    ax.plot([0, wx], [0, 0], color=INK, lw=0.8, ls=":")
+    title = f"cut at the middle of y: {len(depths)} depths, {depths[0]:g} to {depths[-1]:g} mm"
     if camera:
-        _draw_view(ax, camera, crop, text_x, -height - base)
-    frame_arrows(ax, (0, 0), 0.2 * wx, ("x", "z"))
-    ax.set_aspect("equal")
-    ax.autoscale_view()
-    low = -height - base - 0.35 * wx
-    ax.set_ylim(low, top + 0.06 * wx)
-    ax.set_xlim(-rim - 0.08 * wx, text_x + 0.6 * wx)
-    steps = (
-        f"{len(depths)} depths, {depths[0]:g} to {deepest:g} mm"
-        if len(depths) > 1
-        else f"depth {deepest:g} mm"
-    )
-    ax.set_title(f"cut through the middle: {steps}")
-    ax.set_xlabel("x [mm]")
-    ax.set_ylabel("z [mm]")
-
-
-def _draw_view(ax: Axes, camera: Camera, crop, text_x_mm: float, base_z: float) -> None:
-    """Draw the camera's viewing rays up to the surface; the camera itself may lie below the drawing."""
-    pinhole = np.array([camera.position_mm[0], camera.position_mm[2]])
-    for x in camera_footprint(camera, crop)[:2, 0]:
-        ax.plot([pinhole[0], x], [pinhole[1], 0], color=PREDICTED, lw=1.2, ls=(0, (5, 3)), clip_on=True)
-    text = f"camera at z = {camera.position_mm[2]:g} mm looks up"
-    place: Style = {"textcoords": "offset points", "va": "center", "fontsize": 8.5, "annotation_clip": False}
-    ax.annotate(text, (text_x_mm, base_z), (10, -16), color=PREDICTED, **place)
-    ax.plot(*pinhole, "s", ms=8, color=PREDICTED, clip_on=True)
+        pinhole = np.array([camera.position_mm[0], camera.position_mm[2]])
+        for x in camera_footprint(camera, crop)[:2, 0]:
+            ax.plot([pinhole[0], x], [pinhole[1], 0], color=PREDICTED, lw=1.2, ls=(0, (5, 3)))
+        ax.plot(*pinhole, "s", ms=8, color=PREDICTED)
+        title += f"\ncamera at z = {camera.position_mm[2]:g} mm looks up"
+    ax.set_title(title)

@@ -29,12 +29,17 @@ def cross_section(study: Study, title: str) -> Figure:
     figure, axes = new_figure(4.5 * len(cuts) + 1.5, 4.2, ncols=len(cuts), width_ratios=widths)
     solids = sensor_solids(sensor)
     for ax, axis in zip(axes[0], cuts):
-        _draw_cut(ax, study, solids, axis)
+        draw_cut(ax, study, solids, axis)
     figure.suptitle(title, fontweight="bold")
+    add_layer_key(figure, study, solids, "outside lower center")
+    return figure
+
+
+def add_layer_key(figure: Figure, study: Study, solids: Solids, place: str) -> None:
+    """Add a key that has each layer in words below a figure with a cut."""
     colours = region_colours(list(solids.names))
     keys = [Rectangle((0, 0), 1, 1, fc=colour, ec=INK, lw=0.7) for colour in colours]
-    figure.legend(keys, _layer_words(study), loc="outside lower center", ncols=1)
-    return figure
+    figure.legend(keys, _layer_words(study), loc=place)
 
 
 def _layer_words(study: Study) -> list[str]:
@@ -47,7 +52,7 @@ def _layer_words(study: Study) -> list[str]:
     return words
 
 
-def _draw_cut(ax: Axes, study: Study, solids: Solids, axis: int) -> None:
+def draw_cut(ax: Axes, study: Study, solids: Solids, axis: int) -> None:
     """Draw the cut along x (axis 0, at the middle of y) or along y (axis 1)."""
     sensor = study.sensor
     widths = np.array([sensor.width_x_mm, sensor.width_y_mm])
@@ -56,20 +61,16 @@ def _draw_cut(ax: Axes, study: Study, solids: Solids, axis: int) -> None:
     for surface, colour in reversed(list(zip(solids.surfaces, colours))):
         for loop in section_loops(surface, 1 - axis, widths[1 - axis] / 2):
             ax.add_patch(Polygon(loop[:, [axis, 2]], fc=colour, ec=INK, lw=0.8))
-    ax.add_patch(
-        Rectangle(
-            (0, -height - BASE * unit), width, BASE * unit, fc=SURROUND["base"], ec=INK, hatch="///", lw=0.6
-        )
-    )
-    if flange := sensor.flange:
-        for start in (-flange.width_mm, width):
-            rim = Rectangle(
-                (start, -height), flange.width_mm, flange.height_mm, fc=SURROUND["flange"], ec=INK, lw=0.7
-            )
-            ax.add_patch(rim)
+    rim = sensor.flange.width_mm if sensor.flange else 0.0
+    corner, size = (-rim, -height - BASE * unit), (width + 2 * rim, BASE * unit)
+    ax.add_patch(Rectangle(corner, *size, fc=SURROUND["base"], ec=INK, hatch="///", lw=0.6))
+    if sensor.flange:
+        for start in (-rim, width):
+            size = rim, sensor.flange.height_mm
+            ax.add_patch(Rectangle((start, -height), *size, fc=SURROUND["flange"], ec=INK, lw=0.7))
     top = _draw_pressing(ax, study, width)
-    _dimensions(ax, sensor, width, unit)
-    ax.set_xlim(-0.08 * unit, width + ROOM * unit * (len(sensor.layers) + 0.6))
+    _dimensions(ax, sensor, width, rim, unit)
+    ax.set_xlim(-rim - 0.08 * unit, width + rim + ROOM * unit * (len(sensor.layers) + 0.6))
     ax.set_ylim(-height - (BASE + ROOM) * unit, top + 0.1 * unit)
     ax.set_aspect("equal")
     ax.axis("off")
@@ -111,13 +112,13 @@ def _draw_pressing(ax: Axes, study: Study, width: float) -> float:
     return top
 
 
-def _dimensions(ax: Axes, sensor: Sensor, width: float, unit: float) -> None:
+def _dimensions(ax: Axes, sensor: Sensor, width: float, rim: float, unit: float) -> None:
     """Write width, height, wall and each layer's thickness along dimension lines."""
     low = -sensor.height_mm
     _dimension(ax, (0, low - (BASE + 0.05) * unit), (width, low - (BASE + 0.05) * unit), f"{width:g} mm")
     bottom = low
     for number, layer in enumerate(sensor.layers):
-        x = width + ROOM * unit * (0.4 + number)
+        x = width + rim + ROOM * unit * (0.4 + number)
         _dimension(ax, (x, bottom), (x, bottom + layer.thickness_mm), f"{layer.thickness_mm:g}")
         bottom += layer.thickness_mm
     if sensor.shape.kind == "block" and sensor.wall_mm and len(sensor.layers) > 1:
