@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -31,13 +33,15 @@ def cross_section(study: Study, title: str) -> Figure:
     for ax, axis in zip(axes[0], cuts):
         draw_cut(ax, study, solids, axis)
     figure.suptitle(title, fontweight="bold")
-    add_layer_key(figure, study, solids, "outside lower center")
+    add_layer_key(figure, study, "outside lower center")
     return figure
 
 
-def add_layer_key(figure: Figure, study: Study, solids: Solids, place: str) -> None:
+def add_layer_key(
+    figure: Figure, study: Study, place: Literal["outside lower center", "outside lower right"]
+) -> None:
     """Add a key that has each layer in words below a figure with a cut."""
-    colours = region_colours(list(solids.names))
+    colours = region_colours([layer.name for layer in study.sensor.layers])
     keys = [Rectangle((0, 0), 1, 1, fc=colour, ec=INK, lw=0.7) for colour in colours]
     figure.legend(keys, _layer_words(study), loc=place)
 

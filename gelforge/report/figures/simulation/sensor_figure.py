@@ -46,6 +46,7 @@ def sensor_figure(study: Study, cells: dict[str, PlannedCell], session: Session 
     _draw_above(axes[0, 0], study, cells, camera, crop)
     _draw_side(axes[0, 1], study, cells, camera, crop)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
+    add_layer_key(figure, study, "outside lower right")
     return figure
 
 
@@ -106,9 +107,7 @@ def _draw_surface_above(ax: Axes, sensor: Sensor) -> None:
 
 def _draw_side(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: Camera | None, crop) -> None:
     """Draw the cut at the middle of y, with the camera's rays up to the surface; it may lie below the drawing."""
-    solids = sensor_solids(study.sensor)
-    draw_cut(ax, study, solids, 0)
-    add_layer_key(ax.figure, study, solids, "outside lower right")
+    draw_cut(ax, study, sensor_solids(study.sensor), 0)
     depths = sorted({depth for cell in cells.values() for depth in cell.depths_mm})
     title = f"cut at the middle of y: {len(depths)} depths, {depths[0]:g} to {depths[-1]:g} mm"
     if camera:
