@@ -47,22 +47,14 @@ def agreement_table(
         check_table_inputs(path, expected, f"make the readings again (snakemake -R {path})", DatasetError)
     parts = [_measured(session, path) for session, path in readings_files.items()]
     measured = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=COLUMNS)
-    rows, own_labels = [], own_labels or {}
+    own_labels = own_labels or {}
+    rows = _with_sites(measured[~measured["session"].isin(own_labels)], cell_files, cell_digests or {})
     for session, own in own_labels.items():
-        rows += _with_own(measured[measured["session"] == session], own)
-    shared = measured[~measured["session"].isin(own_labels)]
-    for name, presses in shared.groupby("cell", sort=False):
-        if name not in cell_files:
-            press = presses.iloc[0]
-            raise DatasetError(
-                f"{readings_files[press.session]}: indentation {press.press} belongs to site {name!r}, which is not in the"
-                " plan; add its position to the plan"
-            )
-        cell = checked_totals(cell_files[name], name, (cell_digests or {}).get(name))
-        if cell.converged:
-            rows.append(
-                _with_fem(presses, cell.arrays["depth_mm"], cell.arrays["total_force_N"], cell_files[name])
-            )
+        presses = measured[measured["session"] == session]
+        if isinstance(own, OwnPresses):
+            rows.append(_with_presses(presses, own))
+        else:
+            rows += _with_sites(presses, own.files, own.digests)
     table = pd.concat(rows).sort_index() if rows else measured.iloc[:0]
     return table.reindex(columns=COLUMNS).reset_index(drop=True)
 
@@ -92,7 +84,26 @@ def _measured(session: str, path: str | Path) -> pd.DataFrame:
     return held.groupby("press", sort=False).agg(**first, **mean).reset_index().assign(session=session)
 
 
-def _with_fem(presses: pd.DataFrame, depths: np.ndarray, total: np.ndarray, path: str | Path) -> pd.DataFrame:
+def _with_sites(
+    presses: pd.DataFrame, files: Mapping[str, str | Path], digests: Mapping[str, str]
+) -> list[pd.DataFrame]:
+    """Return the indentations with the forces of their sites, each in a file, table by table; none of failed sites."""
+    tables = []
+    for name, of_site in presses.groupby("cell", sort=False):
+        if name not in files:
+            press = of_site.iloc[0]
+            raise DatasetError(
+                f"session {press.session}: indentation {press.press} belongs to site {name!r}, which is not in the plan;"
+                " add its position to the plan"
+            )
+        cell = checked_totals(files[name], name, digests.get(name))
+        if cell.converged:
+            tables.append(_with_fem(of_site, cell, files[name]))
+    return tables
+
+
+def _with_fem(presses: pd.DataFrame, cell: Cell, path: str | Path) -> pd.DataFrame:
+    depths, total = cell.arrays["depth_mm"], cell.arrays["total_force_N"]
     gap = np.abs(presses["depth_mm"].to_numpy()[:, None] - depths)  # (indentations, D)
     step = gap.argmin(axis=1)
     far = ~within(gap.min(axis=1), DEPTH_MATCH_MM)
@@ -105,20 +116,11 @@ def _with_fem(presses: pd.DataFrame, depths: np.ndarray, total: np.ndarray, path
     return presses.assign(**{f"fem_{axis}_N": total[step, i] for i, axis in enumerate(AXES)})
 
 
-def _with_own(presses: pd.DataFrame, own: OwnCells | OwnPresses) -> list[pd.DataFrame]:
-    """Return the indentations of a session that has its own labels, beside them."""
-    if isinstance(own, OwnPresses):
-        known = presses[[not own.reason(press) for press in presses["press"]]]
-        total = np.array([own.totals[press] for press in known["press"]]).reshape(-1, 3)
-        return [known.assign(**{f"fem_{axis}_N": total[:, i] for i, axis in enumerate(AXES)})]
-    rows = []
-    for name, of_cell in presses.groupby("cell", sort=False):
-        cell = checked_totals(own.files[name], name, own.digests.get(name))
-        if cell.converged:
-            rows.append(
-                _with_fem(of_cell, cell.arrays["depth_mm"], cell.arrays["total_force_N"], own.files[name])
-            )
-    return rows
+def _with_presses(presses: pd.DataFrame, own: OwnPresses) -> pd.DataFrame:
+    """Return the indentations with forces of their own; those that failed are left out."""
+    known = presses[[not own.reason(press) for press in presses["press"]]]
+    total = np.array([own.totals[press] for press in known["press"]]).reshape(-1, 3)
+    return known.assign(**{f"fem_{axis}_N": total[:, i] for i, axis in enumerate(AXES)})
 
 
 def checked_totals(path: str | Path, name: str, expected: str | None) -> Cell:

@@ -171,20 +171,9 @@ def croissant(study: Study, manifest: dict) -> dict:
     Croissant has no way yet to extract records from HDF5, so no record set is declared; `gelforge export dataset --format
     croissant` writes Parquet and declares them.
     """
-    kind = "SYNTHETIC recordings of a virtual lab" if manifest["synthetic"] else "measured recordings"
-    what = "labels only, no recordings" if manifest["labels_only"] else kind
-    about = f"Contact force distributions of a soft tactile sensor from finite elements; {what}."
-    return croissant_metadata(study.study, about) | {
+    return croissant_metadata(study.study, summary(manifest)) | {
         "distribution": [
-            {
-                "@type": "cr:FileObject",
-                "@id": shard["file"],
-                "name": shard["file"],
-                "contentUrl": shard["file"],
-                "contentSize": f"{shard['bytes']} B",
-                "encodingFormat": "application/x-hdf5",
-                "sha256": shard["sha256"],
-            }
+            file_object(shard["file"], shard["bytes"], "application/x-hdf5", shard["sha256"])
             for shard in manifest["shards"]
         ],
         "variableMeasured": [
@@ -196,6 +185,26 @@ def croissant(study: Study, manifest: dict) -> dict:
             }
             for name, column in columns(manifest["labels_only"]).items()
         ],
+    }
+
+
+def summary(manifest: dict) -> str:
+    """Return in a sentence what a dataset holds."""
+    kind = "SYNTHETIC recordings of a virtual lab" if manifest["synthetic"] else "measured recordings"
+    what = "labels only, no recordings" if manifest["labels_only"] else kind
+    return f"Contact force distributions of a soft tactile sensor from finite elements; {what}."
+
+
+def file_object(name: str, size: int, encoding: str, sha256: str, folder: str = "") -> dict:
+    """Return Croissant's description of a file in a folder of the dataset; folder: with its slash."""
+    return {
+        "@type": "cr:FileObject",
+        "@id": name,
+        "name": name,
+        "contentUrl": f"{folder}{name}",
+        "contentSize": f"{size} B",
+        "encodingFormat": encoding,
+        "sha256": sha256,
     }
 
 

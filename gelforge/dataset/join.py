@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from gelforge.config import Study
@@ -92,7 +93,7 @@ def join_shard(
             if not cell.converged:
                 attributes["failed_cells"][name] = str(cell.attributes["reason"])
             elif labels_only:
-                writer.append(_label_rows(planned[name], cell, split[name]))
+                writer.append(_label_rows(cell, planned[name], split[name]))
             blocks = []
             for session in sorted(sessions):
                 pressed = {p: rows for p, rows in sessions[session].items() if rows.cell == name}
@@ -195,19 +196,27 @@ def _presses_attributes(own: OwnPresses) -> dict:
     }
 
 
-def _label_rows(planned: PlannedCell, cell: Cell, split: str) -> dict[str, np.ndarray]:
-    count = len(planned.depths_mm)
+def _site_rows(planned: PlannedCell, split: str, steps: Sequence[int], untouched) -> dict[str, np.ndarray]:
+    """Return what rows at steps (n,) of a site's path have in common; untouched (n,): those before contact."""
+    count, untouched = len(steps), np.array(untouched)
+    phases = np.array(planned.phases or ["load"] * len(planned.depths_mm))[steps]
     return {
+        "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
+        "depth_mm": ~untouched * np.array(planned.depths_mm)[steps],
+        "phase": np.where(untouched, "zero", phases).astype(object),
+        "cell": np.full(count, planned.name, object),
+        "split": np.full(count, split, object),
+        "untouched": untouched,
+    }
+
+
+def _label_rows(cell: Cell, planned: PlannedCell, split: str) -> dict[str, np.ndarray]:
+    count = len(planned.depths_mm)
+    return _site_rows(planned, split, range(count), [False] * count) | {
         "force_distribution_N": cell.arrays["bin_force_N"],
         "force_sigma_N": sigma(cell, "bin"),
         "total_force_fem_N": cell.arrays["total_force_N"],
         "total_force_fem_sigma_N": sigma(cell, "total"),
-        "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
-        "depth_mm": np.array(planned.depths_mm),
-        "phase": np.array(planned.phases or ["load"] * count, object),
-        "cell": np.full(count, planned.name, object),
-        "split": np.full(count, split, object),
-        "untouched": np.zeros(count, bool),
     }
 
 
@@ -233,7 +242,9 @@ def _session_rows(
             else:
                 known = {step: label for step, label in found.items() if not isinstance(label, str)}
                 of_row = [known[step] for step in steps]
-                blocks.append(_press_rows(file, path, session, press, rows, planned, steps, of_row, split))
+                block = _image_rows(file, f"{path}: indentation {press}", rows, of_row)
+                block["press"], block["session"] = (np.full(len(steps), n, object) for n in (press, session))
+                blocks.append(block | _site_rows(planned, split, steps, rows.untouched))
     return blocks
 
 
@@ -251,31 +262,23 @@ def _steps(path: str | Path, press: str, rows: PressRows, planned: PlannedCell) 
     return [step] * len(rows.row)
 
 
-def _press_rows(
-    file,
-    path,
-    session,
-    press,
-    rows: PressRows,
-    planned: PlannedCell,
-    steps: list[int],
-    labels: list[Label],
-    split,
+def _image_rows(
+    file: h5py.File, where: str, rows: PressRows, labels: Sequence[Label]
 ) -> dict[str, np.ndarray]:
-    """Return one indentation's rows: the label of each at its step, or zero where the ball had not touched."""
-    untouched = np.array(rows.untouched)
+    """Return what is of an indentation's images: features, readings, and labels, zero where the ball had not touched.
+
+    where: file and indentation, for messages.
+    """
     feature, image = rows_of(file["feature"], rows.row), rows_of(file["image"].asstr(), rows.row)
     bad = ~np.isfinite(feature).all(axis=1)
     if bad.any():
         raise DatasetError(
-            f"{path}: indentation {press}, image {image[bad.argmax()]}: features are not finite; extract the features again"
+            f"{where}, image {image[bad.argmax()]}: features are not finite; extract the features again"
         )
-    touched = ~untouched
-    count = len(rows.row)
 
     def labelled(name: str) -> np.ndarray:
         values = np.stack([getattr(label, name) for label in labels])
-        return np.where(touched.reshape(-1, *[1] * (values.ndim - 1)), values, 0.0)
+        return np.where(np.reshape(rows.untouched, (-1, *[1] * (values.ndim - 1))), 0.0, values)
 
     return {
         "feature": feature,
@@ -285,18 +288,8 @@ def _press_rows(
         "total_force_fem_sigma_N": labelled("total_sigma"),
         "total_force_ft_N": rows_of(file["force_N"], rows.row),
         "flow_lost": rows_of(file["flow_lost"], rows.row),
-        "position_mm": np.tile([planned.x_mm, planned.y_mm], (count, 1)),
-        "depth_mm": touched * np.array(planned.depths_mm)[steps],
-        "phase": np.where(
-            touched, np.array(planned.phases or ["load"] * len(planned.depths_mm))[steps], "zero"
-        ).astype(object),
-        "cell": np.full(count, planned.name, object),
-        "press": np.full(count, press, object),
         "image_index": np.array(rows.image_index, np.int32),
         "image": image,
-        "session": np.full(count, session, object),
-        "split": np.full(count, split, object),
-        "untouched": untouched,
     }
 
 

@@ -20,6 +20,7 @@ import numpy as np
 
 import gelforge
 from gelforge.config import ConfigError, Study
+from gelforge.config.parts.effects import HistoryEffects
 from gelforge.dataset.recorded_presses import Laws, RecordedPress, presses_digest
 from gelforge.dataset.session_labels import FORMAT, PRESS_DATASETS
 from gelforge.files import atomic, digest
@@ -131,10 +132,8 @@ def _solved(
     study: Study, laws: Laws, press: RecordedPress, grid: PeakGrid | None
 ) -> tuple[Cell, PeakGrid | None]:
     """Return the site of one indentation and the softening left after it."""
-    by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
-    return next(
-        simulate_in_order(study.sensor, study.indenter, study.mechanics, by_layer, [press.path], grid)
-    )
+    sensor, by_layer = study.sensor, study.sensor.by_layer(laws)
+    return next(simulate_in_order(sensor, study.indenter, study.mechanics, by_layer, [press.path], grid))
 
 
 def _companion(
@@ -154,7 +153,8 @@ def _companion(
             return nothing, grid, str(cell.attributes["reason"])
         if any(uncertain.values()):
             planned = PlannedCell(press.cell, press.path.x_mm, press.path.y_mm, (press.depth_mm,))
-            plain, reason, _ = solve_companion(_without_history(study), dict(laws), planned, uncertain)
+            without = study.with_values({"mechanics": {"effects": {"history": HistoryEffects()}}})
+            plain, reason, _ = solve_companion(without, dict(laws), planned, uncertain)
             if reason:
                 return nothing, grid, reason
             slopes = plain.total_slopes, plain.bin_slopes
@@ -167,19 +167,9 @@ def _companion(
 def _coarser(study: Study) -> Study:
     """Return the study with all sizes of mesh and softening's grid doubled."""
     mechanics = study.mechanics
-    effects = mechanics.effects
-    grid = {"grid_mm": COARSER * effects.history.grid_mm}
-    changes = {
-        "mesh": mechanics.mesh.coarser(COARSER),
-        "effects": effects.model_copy(update={"history": effects.history.model_copy(update=grid)}),
-    }
-    return study.model_copy(update={"mechanics": mechanics.model_copy(update=changes)})
-
-
-def _without_history(study: Study) -> Study:
-    effects = study.mechanics.effects
-    plain = effects.model_copy(update={"history": type(effects.history)()})
-    return study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"effects": plain})})
+    history = {"grid_mm": COARSER * mechanics.effects.history.grid_mm}
+    changes = {"mesh": mechanics.mesh.coarser(COARSER), "effects": {"history": history}}
+    return study.with_values({"mechanics": changes})
 
 
 # ------------------------------------------------------------------------------------------- what is kept

@@ -12,13 +12,12 @@ from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset
 
 LABEL = "force_distribution_N"
-BLOCK = 256  # rows in memory at a time
 
 
 def label_ranges(shards: Sequence[str | Path]) -> np.ndarray:
     """Return the least and greatest true force (2, 2, 3) [N] of all rows: per bin and in total, least and greatest, axis."""
     low, high = np.full((2, 3), np.inf), np.full((2, 3), -np.inf)
-    for block in ShardDataset(shards).batches((LABEL,), BLOCK):
+    for block in ShardDataset(shards).batches((LABEL,)):
         label = block[LABEL].astype(float)
         total = label.sum(axis=1)
         low = np.minimum(low, [label.min(axis=(0, 1)), total.min(axis=0)])

@@ -126,8 +126,8 @@ class ShardDataset:
             rows = self.row[index[order]][self.shard[index[order]] == number]
             file = self._file(self.paths[number])
             once, back = np.unique(rows, return_inverse=True)
-            whole = len(once) and once[-1] - once[0] + 1 == len(once)
-            selection = slice(once[0], once[-1] + 1) if whole else once
+            contiguous = len(once) and once[-1] - once[0] + 1 == len(once)
+            selection = slice(once[0], once[-1] + 1) if contiguous else once
             for name in names:
                 if name not in file:
                     raise DatasetError(
@@ -164,8 +164,8 @@ def lineage(path: str | Path, row: int) -> dict:
         }
     found = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in known.items()}
     recording = {} if attributes["labels_only"] else dict(attributes["sessions"][found["session"]])
-    own = recording.pop("presses", None) or recording.pop("cells", {}).get(found["cell"])
-    label = own or attributes["cells"][found["cell"]]
+    session_label = recording.pop("presses", None) or recording.pop("cells", {}).get(found["cell"])
+    label = session_label or attributes["cells"][found["cell"]]
     found.update(
         shard=str(path), row=row, synthetic=attributes["synthetic"], study=attributes["study"], label=label
     )

@@ -12,6 +12,7 @@ import gelforge
 from gelforge.config import Study
 from gelforge.indentation.cells.binning import without_dust
 from gelforge.indentation.cells.cell_file import TIMINGS, Cell
+from gelforge.indentation.paths.places import ROUNDING_MM
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.lattice import name_of
 from gelforge.indentation.solving.inputs import inputs_digest
@@ -33,7 +34,7 @@ OF_SITE = (
     "leaves_valid_range",
     "law_unstable",
 )
-SAME_MM = 2e-6  # positions are rounded to 1e-6 mm
+SAME_MM = 2 * ROUNDING_MM  # of two rounded positions
 BY_DEPTH = set(OF_SITE[OF_SITE.index("volume_outside_valid_range") :])
 
 

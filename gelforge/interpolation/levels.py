@@ -99,14 +99,14 @@ def label_ratios(bars: Mapping[str, np.ndarray], tolerance: Interpolation) -> np
     loaded = size > 0.01 * size.max(axis=1, keepdims=True)
     carries = np.maximum(loaded.sum(axis=1), 1)
     if tolerance.tolerance is not None:
-        own, own_total = (
+        label_bar, total_bar = (
             np.sqrt(sum(bars[f"{quantity}_{part}"] ** 2 for part in OWN if f"{quantity}_{part}" in bars))
             for quantity in ("bin", "total")
         )
-        loaded = np.linalg.norm(own, axis=-1) > 0
+        loaded = np.linalg.norm(label_bar, axis=-1) > 0
         found = [
-            _rms(bins, loaded) / np.maximum(_rms(own, loaded), 1e-300),
-            np.linalg.norm(total, axis=-1) / np.maximum(np.linalg.norm(own_total, axis=-1), 1e-300),
+            _rms(bins, loaded) / np.maximum(_rms(label_bar, loaded), 1e-300),
+            np.linalg.norm(total, axis=-1) / np.maximum(np.linalg.norm(total_bar, axis=-1), 1e-300),
         ]
         return np.max(found, axis=0) / tolerance.tolerance
     of_bins = _rms(bins, loaded)

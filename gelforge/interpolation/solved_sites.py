@@ -23,7 +23,8 @@ from gelforge.interpolation.nodal_forces import NodalForces, ball_of, contact_wi
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 from gelforge.mechanics.indenters.shapes import Sphere
 
-SITE_PART = 1.0  # of the difference of a site that is left out alone
+# Of the difference of a site that is left out alone (benchmarks/interpolation.py).
+SITE_PART = 1.0
 LINE_PART: Mapping[str, float | np.ndarray] = {
     "bin": 0.35,
     "total": np.array([0.6, 0.6, 0.4]),
@@ -31,11 +32,15 @@ LINE_PART: Mapping[str, float | np.ndarray] = {
 # Instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals. A
 # spacing of half the height and more is no small one beside a wall: the next half changes more than an order says.
 END_PART: Mapping[str, float | np.ndarray] = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}
-FINE_LEVEL = 2  # from which spacings are small
+# From which spacings are small (benchmarks/interpolation.py).
+FINE_LEVEL = 2
+# In place of END_PART from FINE_LEVEL on (benchmarks/interpolation.py).
 FINE_END_PART: Mapping[str, float | np.ndarray] = {"bin": 0.6, "total": 0.8}
-# Of the mesh's bar of bins: between sites on meshes laid out for each place lies their scatter, however near they are.
+# Of the mesh's bar of bins: between sites on meshes laid out for each place lies their scatter, however near they are
+# (benchmarks/interpolation.py).
 MESH_PART = 0.25
-DEPTH_PART = 0.4  # of the difference of a depth that is left out, between two depths
+# Of the difference of a depth that is left out, between two depths (benchmarks/interpolation.py).
+DEPTH_PART = 0.4
 SMOOTHING = 0.6  # standard deviation of the mean square over bins along x and y and over depths
 ORDER = 2  # of the error in the distance of the sites around, where they are sparser than around the site left out
 SAME_MM = 1e-3

@@ -22,7 +22,8 @@ from gelforge.config import Fitting, Material, given
 from gelforge.files import digest, file_sha256, write_json, write_product_table, write_table, write_text
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.measured_effects import MeasuredEffects
-from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, circumstance_effects
+from gelforge.materials.covariates.circumstances import circumstance_effects
+from gelforge.materials.covariates.effects import CIRCUMSTANCES
 from gelforge.materials.covariates.history_effects import cycle_effects, lateral_effects, relaxation_effects
 from gelforge.materials.fitting.bootstrap import bootstrap as bootstrap_samples
 from gelforge.materials.fitting.choice import Comparison, compare_laws
@@ -273,15 +274,15 @@ def _cut_short(tests: list[MaterialTest], curves: list[MeanCurve]) -> list[str]:
     """Return where samples went much further than the range that all of them reached, which alone is fitted."""
     said = []
     for curve in (c for c in curves if c.component == "1" and c.test != "biaxial"):
-        own = [t for t in tests if t.test == curve.test]
-        rest = own[0].at_rest
+        alike = [t for t in tests if t.test == curve.test]
+        rest = alike[0].at_rest
         reached, fitted = (
-            max(np.abs(x - rest).max() for x in xs) for xs in ([t.stretch for t in own], [curve.stretch])
+            max(np.abs(x - rest).max() for x in xs) for xs in ([t.stretch for t in alike], [curve.stretch])
         )
         if fitted < FITTED_SHARE * reached:
             low, high = curve.stretch[[0, -1]]
             said.append(
-                f"{curve.test}: fitted between {own[0].abscissa} {low:.3g} and {high:.3g}, where all {len(own)} samples"
+                f"{curve.test}: fitted between {alike[0].abscissa} {low:.3g} and {high:.3g}, where all {len(alike)} samples"
                 f" were measured; single ones reach a strain of {reached:.3g}: give samples of other ranges a material"
                 " of their own to use the rest"
             )

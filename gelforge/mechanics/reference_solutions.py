@@ -12,14 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ellipe, ellipkm1
 
-# Quadrature of the integral equation: the kernel is smooth, so both converge geometrically. 40 points suffice for 12 digits
-# up to a/h = 4; the transform's integrand falls as u^2 exp(-2 u) and is below 1e-17 at u = 25.
-LAYER_POINTS = 64
-TRANSFORM_POINTS = 400
-TRANSFORM_END = 25.0
+# Quadrature of the integral equation: the kernel is smooth, so both converge geometrically. As measured, 40 points suffice
+# for 12 digits up to a/h = 4; the transform's integrand falls as u^2 exp(-2 u) and is below 1e-17 at u = 25.
+LAYER_POINTS, TRANSFORM_POINTS, TRANSFORM_END = 64, 400, 25.0
 
 
 # ------------------------------------------------------------------------------------------------ elastic constants
@@ -52,12 +49,6 @@ def hertz(depth: float, radius: float, modulus: float) -> PressedSurface:
     return PressedSurface(
         depth, 4 / 3 * modulus * np.sqrt(radius) * depth**1.5, float(np.sqrt(radius * depth))
     )
-
-
-def hertz_pressure(r: np.ndarray, contact_radius: float, radius: float, modulus: float) -> np.ndarray:
-    """Return the contact pressure 2 E* / (pi R) sqrt(a^2 - r^2) [MPa] at distances r [mm] from the axis."""
-    inside = np.maximum(contact_radius**2 - np.asarray(r) ** 2, 0.0)
-    return 2 * modulus / (np.pi * radius) * np.sqrt(inside)
 
 
 # ------------------------------------------------------------------------------------------------------ bonded layer
@@ -110,23 +101,6 @@ def bonded_layer_at_radius(
     depth = edge_curved / edge_unit
     force = 2 * np.pi * weight @ (depth * unit - curved)
     return PressedSurface(float(depth), float(force), contact_radius)
-
-
-def bonded_layer(
-    depth: float, radius: float, thickness: float, shear_modulus: float, nu: float
-) -> PressedSurface:
-    """Return the indentation of a bonded layer [mm, MPa] to a depth; see bonded_layer_at_radius."""
-
-    def too_deep(contact_radius):
-        return (
-            bonded_layer_at_radius(contact_radius, radius, thickness, shear_modulus, nu).depth / depth - 1.0
-        )
-
-    # From the half space's a = sqrt(R d) to that of a thin incompressible layer, 2 sqrt(R d): what is pressed down inside
-    # the contact comes up inside it.
-    half_space = np.sqrt(radius * depth)
-    found = brentq(too_deep, 0.9 * half_space, 2.1 * half_space, xtol=1e-13 * half_space)
-    return bonded_layer_at_radius(found, radius, thickness, shear_modulus, nu)
 
 
 def _gauss(start: float, stop: float, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -92,9 +92,11 @@ def _pair(solids: Solids, i: int, j: int, near: float, thin: float) -> Pair:
     gap = float(min(to_second.min(), to_first.min()))
     disjoint, thin_gap = gap >= -near, 0.0
     if disjoint:
-        own = first.distance(first.outline)[1]
+        outward = first.distance(first.outline)[1]
         facing = (
-            (np.einsum("ni,ni->n", own, normal_of_second) < FACING) & (to_second > near) & (to_second < thin)
+            (np.einsum("ni,ni->n", outward, normal_of_second) < FACING)
+            & (to_second > near)
+            & (to_second < thin)
         )
         between = (first.outline - to_second[:, None] / 2 * normal_of_second)[facing]
         others = [solids.surfaces[k] for k in range(len(solids.names)) if k not in (i, j)]

@@ -226,35 +226,3 @@ def write_mesh(path: str | Path, mesh: Mesh) -> None:
         point_data={"fixed": mesh.fixed.astype(np.int32)},
         cell_data={"region": [mesh.region.astype(np.int32)]},
     ).write(path, file_format="gmsh" if Path(path).suffix == ".msh" else None)  # ANSYS writes .msh too
-
-
-def read_mesh(path: str | Path, regions: tuple[str, ...], base: float) -> Mesh:
-    """Return a mesh of 4- or 10-node tetrahedra with cell data "region"; 4-node ones get straight edge middles.
-
-    Raises MeshingError naming the file for other elements or regions.
-    """
-    import meshio
-
-    content = meshio.read(path)
-    kinds = {block.type for block in content.cells}
-    kind = next((k for k in ("tetra10", "tetra") if k in kinds), None)
-    if kind is None or "region" not in content.cell_data:
-        raise MeshingError(
-            f"{path}: holds {sorted(kinds)} with cell data {sorted(content.cell_data)}; needed are tetra or tetra10 with "
-            "'region', numbers from 0 in the order of the layers"
-        )
-    chosen = [k for k, block in enumerate(content.cells) if block.type == kind]
-    elements = np.concatenate([content.cells[k].data for k in chosen])
-    region = np.concatenate([content.cell_data["region"][k] for k in chosen]).astype(np.int32)
-    if region.min() < 0 or region.max() >= len(regions):
-        raise MeshingError(
-            f"{path}: region numbers {np.unique(region)}, but the layers are {list(regions)}; correct them"
-        )
-    X = np.asarray(content.points, dtype=float)
-    turned = _volumes(X, elements[:, :4]) < 0
-    if turned.any():
-        raise MeshingError(f"{path}: {turned.sum()} tetrahedra are inside out; write corners in VTK's order")
-    if kind == "tetra":
-        X, elements = quadratic_tetrahedra(X, elements)
-    fixed, surface = _boundary(X, elements.astype(np.int32), base, ON_BASE * Sizes.envelope)
-    return Mesh(X, elements.astype(np.int32), region, regions, fixed, surface)

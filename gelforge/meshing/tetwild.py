@@ -22,9 +22,11 @@ from pathlib import Path
 
 import numpy as np
 
+# The default seed of the Mersenne twister (Matsumoto & Nishimura 1998, doi 10.1145/272991.272995; C++ 2011).
 SEED = 5489
 RANDOM_READ = b"_ZNSt13random_device9_M_getvalEv"  # std::random_device::operator() of libstdc++
-STOP_ENERGY = 10.0  # fTetWild's own: mean quality at which it stops improving
+# The mean quality at which fTetWild stops improving, its own default (Hu et al. 2020).
+STOP_ENERGY = 10.0
 SAID = 200  # characters of the mesher's last words that a message repeats
 GRID = 40  # intervals of the sizing field along the longest side
 

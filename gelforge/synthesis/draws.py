@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -115,14 +114,8 @@ def path_number(name: str) -> int:
 
 
 def _with(study: Study, indenter: Indenter) -> Study:
-    changed: dict[str, Any] = {
-        "error_bars": False,
-        "store_displacement": True,
-        "sensitivities": [],
-    }
-    mechanics = study.mechanics.model_copy(update=changed)
-    plan = study.plan.model_copy(update={"symmetry": "none"})
-    return study.model_copy(update={"indenter": indenter, "mechanics": mechanics, "plan": plan})
+    mechanics = {"error_bars": False, "store_displacement": True, "sensitivities": []}
+    return study.with_values({"indenter": indenter, "mechanics": mechanics, "plan": {"symmetry": "none"}})
 
 
 def _indenter(rng: np.random.Generator, study: Study) -> tuple[str, Indenter]:

@@ -21,8 +21,12 @@ from gelforge.synthesis.drawn_press import DrawnPress, merged
 from gelforge.synthesis.frame import MovingFrame, displaced
 from gelforge.synthesis.straight import StraightPresses
 
-FREE_HEIGHTS = 1.5  # distance from the sides, over the sensor's height, beyond which a path goes anywhere
-KEPT_SHARE = 0.05  # nearer to a side, it is moved by at most this share of its distance from it
+# Distance from the sides, over the sensor's height, beyond which a path goes anywhere (benchmarks/synthesis.py prints
+# the errors near sides).
+FREE_HEIGHTS = 1.5
+# Nearer to a side, it is moved by at most this share of its distance from it (benchmarks/synthesis.py prints the
+# errors near sides).
+KEPT_SHARE = 0.05
 
 
 class MovedPresses:

@@ -86,8 +86,10 @@ class Presses:
                     f"early: {cell.attributes['reason']}; make synthesis.depth_mm smaller or synthesis.margin_mm larger"
                 )
         self.straight = StraightPresses(study, sites) if sites else None
-        own = [drawn_path(study, path_number(cell.attributes["cell"])).kind == "own" for cell in paths]
-        self.moved = MovedPresses(study, paths, own, self.straight)
+        by_own_indenter = [
+            drawn_path(study, path_number(cell.attributes["cell"])).kind == "own" for cell in paths
+        ]
+        self.moved = MovedPresses(study, paths, by_own_indenter, self.straight)
         classes = synthesis.classes
         if classes.paths and not self.moved.cells:
             raise VirtualLabError(

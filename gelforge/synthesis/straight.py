@@ -9,6 +9,7 @@ import numpy as np
 
 from gelforge.config import Study, given
 from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.paths.places import ROUNDING_MM
 from gelforge.indentation.sensor.symmetry import D4, inverse, transform_points
 from gelforge.interpolation.nodal_forces import NodalForces, ball_of, contact_width
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights
@@ -16,7 +17,6 @@ from gelforge.synthesis.drawn_press import DrawnPress, merged
 from gelforge.synthesis.frame import MovingFrame, displaced, turned_field
 
 SMALL = 1e-4  # weight of a site below which it is left out
-SAME_MM = 1e-6
 
 
 class StraightPresses:
@@ -62,8 +62,8 @@ class StraightPresses:
 
     def reaches(self, place: np.ndarray, depth: float) -> bool:
         """Return whether a place (2,) [mm] and a depth [mm] lie among the solved ones."""
-        inside = (place >= self.low - SAME_MM).all() and (place <= self.high + SAME_MM).all()
-        return bool(inside and self.depths[1] - SAME_MM <= depth <= self.depths[-1] + SAME_MM)
+        inside = (place >= self.low - ROUNDING_MM).all() and (place <= self.high + ROUNDING_MM).all()
+        return bool(inside and self.depths[1] - ROUNDING_MM <= depth <= self.depths[-1] + ROUNDING_MM)
 
     def at(self, place: np.ndarray, depth: float, without: int | None = None) -> DrawnPress:
         """Return the press at a place (2,) [mm] and a depth [mm]; see `state`."""
@@ -134,8 +134,8 @@ class StraightPresses:
         if not self.symmetric:
             return "identity"
         images = {name: transform_points(name, place, self.sensor.width_x_mm) for name in D4}
-        middle = self.sensor.width_x_mm / 2 + SAME_MM
-        return next(n for n, p in images.items() if p[0] <= p[1] + SAME_MM and p[1] <= middle)
+        middle = self.sensor.width_x_mm / 2 + ROUNDING_MM
+        return next(n for n, p in images.items() if p[0] <= p[1] + ROUNDING_MM and p[1] <= middle)
 
     def _field(self, pairs, loaded) -> np.ndarray:
         depths = [number - 1 for number, _ in loaded]

@@ -7,16 +7,18 @@ from scipy.special import erf
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.segments import find_segments
 from gelforge.materials.covariates.effects import (
-    ageing_effect,
+    AGE,
+    RATE,
+    TEMPERATURE,
+    TREATMENT,
     effect_of,
-    rate_effect,
+    first_loading,
     scatter_between,
-    temperature_effect,
 )
 from gelforge.materials.covariates.hysteresis import (
     fit_ogden_roxburgh,
     loops,
-    reloading_softening,
+    softening_between,
     softening_sentence,
 )
 from gelforge.materials.covariates.relaxation import fit_relaxation, relaxation_of
@@ -38,7 +40,7 @@ def test_rate_effect_per_decade_and_its_sentence():
     rng = np.random.default_rng(0)
     rates = np.repeat([0.001, 0.01, 0.1], 3)
     tests = [loading(1.2 ** np.log10(r / 0.001), rng=rng, rate_per_s=r) for r in rates]
-    effect = rate_effect(tests)
+    effect = effect_of(RATE, tests)
     assert effect.slope_interval[0] < 0.2 < effect.slope_interval[1]
     assert effect.slope == pytest.approx(0.2, abs=0.03)  # 2 % scatter of nine tests: 0.8 % of the slope
     assert effect.verdict == "significant stiffening"
@@ -52,7 +54,7 @@ def test_rate_effect_per_decade_and_its_sentence():
 def test_ageing_verdicts(change, verdict):
     rng = np.random.default_rng(3)
     tests = [loading(1 + change * (d / 63), rng=rng, age_days=d) for d in [0] * 6 + [63] * 6]
-    effect = ageing_effect(tests)
+    effect = effect_of(AGE, tests)
     assert effect.verdict == verdict and effect.span == (0, 63)
     assert effect.interval[0] < change < effect.interval[1]
 
@@ -62,46 +64,38 @@ def test_interval_of_an_effect_holds_the_truth_in_95_percent():
     hits = 0
     for _ in range(400):
         tests = [loading(rng=rng, temperature_C=T) for T in (10, 20, 30, 40, 50)]
-        low, high = temperature_effect(tests).interval
+        low, high = effect_of(TEMPERATURE, tests).interval
         hits += low <= 0 <= high
     assert 0.92 < hits / 400 < 0.98  # binomial standard deviation 1.1 %
 
 
 def test_two_tests_decide_only_with_the_scatter_of_repeats():
     tests = [loading(1.0, age_days=0), loading(1.3, age_days=60)]
-    assert ageing_effect(tests).verdict == "undecided"
-    assert "judged without repeats: samples that scatter by 9.5%" in ageing_effect(tests).sentence
+    assert effect_of(AGE, tests).verdict == "undecided"
+    assert "judged without repeats: samples that scatter by 9.5%" in effect_of(AGE, tests).sentence
     rng = np.random.default_rng(5)
     scatter = scatter_between([[loading(rng=rng) for _ in range(6)]])
     assert 0.01 < scatter.deviation < 0.04 and scatter.freedom == 5
-    assert ageing_effect(tests, scatter).verdict == "significant stiffening"
+    assert effect_of(AGE, tests, scatter).verdict == "significant stiffening"
 
 
 def test_a_small_but_certain_change_is_called_small():
-    tests = [loading(1 + 0.02 * k / 9, rate_per_s=10.0**k) for k in range(3)]
-    effect = effect_of(
-        tests, "dose", [0, 1, 2], "Gy", "gray", scatter_between([[loading(), loading(1.0001)]])
-    )
+    tests = [loading(1 + 0.02 * k / 9, dose=k) for k in range(3)]
+    effect = effect_of(TREATMENT, tests, scatter_between([[loading(), loading(1.0001)]]))
     assert effect.verdict == "negligible"  # within 5 %, though resolved
-    wide = effect_of(
-        [loading(1), loading(1.04)],
-        "dose",
-        [0, 1],
-        "Gy",
-        "gray",
-        scatter_between([[loading(), loading(1.0016)]]),
-    )
+    repeats = scatter_between([[loading(), loading(1.0016)]])
+    wide = effect_of(TREATMENT, [loading(1, dose=0), loading(1.04, dose=1)], repeats)
     assert wide.verdict in ("small", "negligible") and wide.change == pytest.approx(0.04)
 
 
 def test_effects_refuse_what_cannot_be_compared():
     with pytest.raises(ValueError, match="two values that differ"):
-        rate_effect([loading(rate_per_s=0.1), loading(rate_per_s=0.1)])
+        effect_of(RATE, [loading(rate_per_s=0.1), loading(rate_per_s=0.1)])
     with pytest.raises(ValueError, match="age_days is not known"):
-        ageing_effect([loading(age_days=1), loading()])
+        effect_of(AGE, [loading(age_days=1), loading()])
     other = MaterialTest("pure_shear", "p", LAM, virgin(LAM), rate_per_s=1.0)
     with pytest.raises(ValueError, match="cannot be compared"):
-        rate_effect([loading(rate_per_s=0.1), other])
+        effect_of(RATE, [loading(rate_per_s=0.1), other])
 
 
 # ------------------------------------------------------------------------------------------------ relaxation
@@ -221,7 +215,8 @@ def test_ogden_roxburgh_parameters_are_recovered():
 
 
 def test_softening_between_loadings_and_its_sentence():
-    changes = [reloading_softening(cyclic(2.0, 2.0, factor=f)) for f in (1, 1.1, 0.95)]
+    tests = [cyclic(2.0, 2.0, factor=f) for f in (1, 1.1, 0.95)]
+    changes = [softening_between(first_loading(test), test.of_kind("load", 2)[0]) for test in tests]
     lam = np.linspace(1.1, 1.55, 50)
     assert changes[0] == pytest.approx(damaged(lam, 2.0).mean() / virgin(lam).mean() - 1, abs=0.01)
     noisy = [c + e for c, e in zip(changes, (-0.01, 0.0, 0.012))]

@@ -11,7 +11,7 @@ from shared_data import MAPPINGS, SHARED, files_of, needs_shared
 from gelforge.config.foreign.mapping import load_mapping
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest, MaterialTest
-from gelforge.materials.covariates.effects import first_loading, rate_effect, scatter_between
+from gelforge.materials.covariates.effects import RATE, effect_of, first_loading, scatter_between
 from gelforge.materials.covariates.hysteresis import loops
 from gelforge.materials.covariates.relaxation import relaxation_of
 from gelforge.materials.readers.mapped_files import read_mapped, read_mapped_folder
@@ -324,10 +324,10 @@ def test_vhb_stress_at_stretch_4_and_hysteresis():
 def test_vhb_rate_dependence_is_significant_with_the_scatter_of_repeats():
     vhb = by_sample("vhb_20C")
     scatter = scatter_between([[vhb[s] for s in ("116", "126", "127")]])
-    effect = rate_effect([vhb[s] for s in ("116", "117", "118")], scatter)
+    effect = effect_of(RATE, [vhb[s] for s in ("116", "117", "118")], scatter)
     assert effect.verdict == "significant stiffening"
     assert 0.15 < effect.change < 0.30  # 118 against 95 kPa: 24 % at stretch 4
-    alone = rate_effect([vhb["116"], vhb["118"]])
+    alone = effect_of(RATE, [vhb["116"], vhb["118"]])
     assert alone.verdict == "undecided" and "without repeats" in alone.sentence
 
 

@@ -5,7 +5,15 @@ import pytest
 import twins
 from numpy.testing import assert_allclose
 
-from gelforge.mechanics.contact.forces import OPEN, SLIP, STICK, add_node_blocks, contact_forces
+from gelforge.mechanics.contact.forces import (
+    OPEN,
+    SLIP,
+    STICK,
+    ContactForces,
+    ContactNodes,
+    add_node_blocks,
+    contact_forces,
+)
 from gelforge.mechanics.indenters.shapes import Sphere
 
 rng = np.random.default_rng(5)
@@ -23,33 +31,21 @@ ACTIVE = rng.random(NODES) < 0.8
 AREA = rng.uniform(0.1, 0.5, NODES)
 GIVEN = 0.02 * rng.normal(size=(NODES, 3))
 EPS_N, WEIGHT, HOLD = (np.full(NODES, value) for value in (20.0, 3.0, 200.0))
-VECTORS = ("f_mixed", "f_condensed", "f_consistent", "friction", "wanted", "direction")
 
 
 def forces(points=POINTS, mu=MU, given=GIVEN, weight=WEIGHT, hold=HOLD, exponents=()):
     """Return all that the compiled loop fills, by name."""
     gap, normal, turn = BALL.gap(points, CENTRE)
-    out = {name: np.full((NODES, 3), np.nan) for name in VECTORS} | {"spring": np.full(NODES, np.nan)}
-    out |= {name: np.full((NODES, 3, 3), np.nan) for name in ("stiffness", "stiffness_consistent")}
-    out["state"] = np.full(NODES, 9, np.int8)
-    contact_forces(
-        gap,
-        normal,
-        turn,
-        points - REST,
-        PRESSURE,
-        ACTIVE,
-        AREA,
-        given,
-        EPS_N,
-        weight,
-        hold,
-        mu,
-        *out.values(),
-        np.array(exponents, float),
-        np.array((0.1, 0.3)[: len(exponents)], float),
-    )
-    return out
+    pressures = np.array((0.1, 0.3)[: len(exponents)], float)
+    out = ContactForces.empty(NODES)
+    for values in out:
+        values[:] = 9 if values.dtype == np.int8 else np.nan
+    nodes = ContactNodes(
+        gap, normal, turn, points - REST, PRESSURE, ACTIVE, AREA, given, EPS_N, weight, hold, mu,
+        np.array(exponents, float), pressures,
+    )  # fmt: skip
+    contact_forces(nodes, out)
+    return out._asdict()
 
 
 def slip_at(points):

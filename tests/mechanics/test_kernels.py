@@ -38,7 +38,6 @@ COMPILED = (
         "mechanics.solving.corrections",
         "mechanics.meshes.elements",
         "indentation.effects.fields",
-        "indentation.solving.stretch_range",
         "recording.features",
         "virtual_lab.imaging",
     ),

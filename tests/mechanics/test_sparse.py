@@ -17,6 +17,7 @@ from gelforge.mechanics.linear.sparse import (
     direct_solver,
     refined_solve,
 )
+from gelforge.mechanics.linear.sparsity import symmetric_product
 
 rng = np.random.default_rng(8)
 
@@ -57,7 +58,7 @@ def test_direct_solution(system, solver):
 
 
 def test_refined_solution_is_double_precision(system, solver):
-    """Conjugate gradients make the single-precision factorisation as good as a double one, in a few steps."""
+    """GMRES makes the single-precision factorisation as good as a double one, in a few steps."""
     pattern, values, rhs, exact = system
     solver.factor(values)
     x, steps = refined_solve(solver, pattern, values, rhs, 1e-12, 50)
@@ -65,22 +66,28 @@ def test_refined_solution_is_double_precision(system, solver):
     assert steps <= 6  # each wins about four digits; sixteen are there to win
 
 
-def test_every_conjugate_gradient_step_wins_digits(system):
-    """One step finds the best length, the second corrects by the double-precision residual."""
-    pattern, values, rhs, exact = system
+def test_every_step_wins_digits(system):
+    """One step finds the length of the least residual, the second corrects by the double-precision residual."""
+    pattern, values, rhs, _ = system
     try:
         solver = Pardiso(pattern)
     except ImportError:
         pytest.skip("MKL is not on this machine")
     solver.factor(values)
-    errors = []
+
+    def residual(x):
+        product = np.empty_like(x)
+        symmetric_product(pattern.indptr, pattern.indices, values, x, product)
+        return np.linalg.norm(rhs - product)
+
+    left = []
     for limit in (1, 2, 3):
         x, steps = refined_solve(solver, pattern, values, rhs, 0.0, limit)
         assert steps == limit
-        errors.append(error(x, exact))
-    assert errors[0] <= error(solver.solve(rhs), exact)
-    assert errors[1] < 1e-2 * errors[0]
-    assert errors[2] < 1e-2 * errors[1]
+        left.append(residual(x))
+    assert left[0] <= residual(solver.solve(rhs))
+    assert left[1] < 1e-2 * left[0]
+    assert left[2] < 1e-2 * left[1]
 
 
 def test_tiny_and_zero_right_hand_sides(system, solver):

@@ -1,5 +1,6 @@
 """Tetrahedral meshes of layered solids: on the surfaces, one side each, of the wanted sizes, the same every time."""
 
+import meshio
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -12,7 +13,7 @@ from gelforge.mechanics.meshes.elements import element_gradient, lumped_area
 from gelforge.mechanics.meshes.mesh import Block, Sizes
 from gelforge.meshing import tetrahedra
 from gelforge.meshing.solids import Solids, area, block_solids, dome_solids, enclosed_volume
-from gelforge.meshing.tetrahedra import MeshingError, faces_between, read_mesh, tetrahedral_mesh, write_mesh
+from gelforge.meshing.tetrahedra import MeshingError, faces_between, tetrahedral_mesh, write_mesh
 
 ON_SURFACE_MM = 0.005  # what the sensor's maker can tell from the true surface
 
@@ -141,15 +142,9 @@ def test_a_base_below_the_body_is_refused(meshed):
 def test_a_written_mesh_is_read_as_it_was(meshed, tmp_path, suffix):
     path, mesh = tmp_path / f"mesh{suffix}", meshed.mesh
     write_mesh(path, mesh)
-    read = read_mesh(path, mesh.regions, meshed.solids.base)
-    assert_array_equal(read.elements, mesh.elements)
-    assert_array_equal(read.region, mesh.region)
-    assert np.abs(read.X - mesh.X).max() < 1e-12  # .msh is text
-    assert_array_equal(read.fixed, mesh.fixed)
-    assert_array_equal(read.surface.nodes, mesh.surface.nodes)
-
-
-def test_a_file_with_unknown_regions_is_refused(meshed, tmp_path):
-    write_mesh(tmp_path / "mesh.vtu", meshed.mesh)
-    with pytest.raises(MeshingError, match=r"region numbers \[0 1\], but the layers are \['gel'\]"):
-        read_mesh(tmp_path / "mesh.vtu", ("gel",), meshed.solids.base)
+    read = meshio.read(path)
+    assert {block.type for block in read.cells} == {"tetra10"}
+    assert_array_equal(np.concatenate([block.data for block in read.cells]), mesh.elements)
+    assert_array_equal(np.concatenate(read.cell_data["region"]), mesh.region)
+    assert np.abs(read.points - mesh.X).max() < 1e-12  # .msh is text
+    assert_array_equal(read.point_data["fixed"], mesh.fixed)

@@ -98,12 +98,10 @@ FAMILY = DemirayFamily()
 class DemirayParameters(GivenParameters):
     """Demiray's model W = mu/(2 b) (exp(b (I1 - 3)) - 1); initial shear modulus mu."""
 
+    family = FAMILY
     law: Literal["demiray"] = Field(description="constitutive model")
     mu_kPa: Positive = Field(description="initial shear modulus [kPa]")
     b: Positive = Field(description="how fast it stiffens [-]")
-
-    def constitutive_model(self):
-        return FAMILY.law_of(np.array([self.mu_kPa, self.b]))
 
 
 MODEL = Model(

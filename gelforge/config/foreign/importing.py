@@ -77,14 +77,36 @@ class Stamp(Section):
         return self.unit == "iso"
 
 
-class Clock(Section):
-    """When the rows or frames of one source were taken, and how its clock stands to the stage's."""
+class Stamped(Section):
+    """When the rows or frames of one source were taken."""
 
     time: Stamp | None = Field(None, description="column of time stamps")
     rate_hz: Positive | None = Field(None, description="in place of stamps: taken evenly at this rate [1/s]")
     even: bool = Field(
         False, description="taken evenly; the stamps are replaced by the straight line through them"
     )
+
+    @model_validator(mode="after")
+    def _even_stamps(self):
+        if self.even and not self.time:
+            raise ValueError("even is about time stamps; name their column under `time`")
+        return self
+
+
+class Rowed(Section):
+    """Which rows of a file are read, and how it is written."""
+
+    topic: str | None = Field(None, description="of a bag or MCAP file: the topic whose messages are rows")
+    frame_id: str | None = Field(
+        None, description="of such a topic: only the messages of this frame are read"
+    )
+    table: TableForm = Field(TableForm(), description="how the table is written")
+    rows: list[Rows] = Field([], description="which rows of the table are read; none: all")
+
+
+class Clock(Stamped):
+    """When the rows or frames of one source were taken, and how its clock stands to the stage's."""
+
     lag_s: float | None = Field(
         None,
         description="how much later this clock shows the same moment than the stage's; null: found by correlation [s]",
@@ -99,21 +121,13 @@ class Clock(Section):
             raise ValueError(
                 "time and rate_hz are both given; keep the one that says when the rows were taken"
             )
-        if self.even and not self.time:
-            raise ValueError("even is about time stamps; name their column under `time`")
         return self
 
 
-class ForceSource(Clock):
+class ForceSource(Rowed, Clock):
     """The log of the force/torque sensor."""
 
     file: str = Field(description="CSV, ROS bag or MCAP, from the mapping's folder")
-    topic: str | None = Field(None, description="of a bag or MCAP file: the topic whose messages are rows")
-    frame_id: str | None = Field(
-        None, description="of such a topic: only the messages of this frame are read"
-    )
-    table: TableForm = Field(TableForm(), description="how the table is written")
-    rows: list[Rows] = Field([], description="which rows of the table are read; none: all")
     columns: list[str] = Field(
         min_length=3, max_length=3, description="columns of the force along the sensor's x, y and z"
     )
@@ -149,24 +163,13 @@ class Polar(Section):
     angle: str = Field(description="column of the angle from x towards y [deg]")
 
 
-class StageSource(Section):
+class StageSource(Rowed, Stamped):
     """The log of the stage or robot; its clock is that of the session."""
 
     file: str = Field(description="CSV, ROS bag, MCAP or G-code, from the mapping's folder")
-    topic: str | None = Field(None, description="of a bag or MCAP file: the topic whose messages are rows")
-    frame_id: str | None = Field(
-        None, description="of such a topic: only the messages of this frame are read"
-    )
-    table: TableForm = Field(TableForm(), description="how the table is written")
-    rows: list[Rows] = Field([], description="which rows of the table are read; none: all")
     gcode: GCode | None = Field(
         None,
         description="the file is G-code that the stage ran; x, y, z are axes, X, Y, Z; its clock starts at 0",
-    )
-    time: Stamp | None = Field(None, description="column of time stamps")
-    rate_hz: Positive | None = Field(None, description="in place of stamps: taken evenly at this rate [1/s]")
-    even: bool = Field(
-        False, description="taken evenly; the stamps are replaced by the straight line through them"
     )
     x: str | float | None = Field(
         None, description="column of x, or the position itself where it does not change [mm]"
@@ -194,8 +197,6 @@ class StageSource(Section):
             return self
         if bool(self.time) == bool(self.rate_hz):
             raise ValueError("name the column of stamps under `time`, or give rate_hz")
-        if self.even and not self.time:
-            raise ValueError("even is about time stamps; name their column under `time`")
         return self
 
 

@@ -11,7 +11,8 @@ from gelforge.config.basis.common import NonNegative, Positive, Section
 LENS = {"pinhole": ("k1", "k2", "p1", "p2", "k3"), "fisheye": ("k1", "k2", "k3", "k4")}
 
 
-LARGEST_IMAGE_PX = 20_000  # along a side: a camera of 150 megapixels has 14 204
+# Along a side: a camera of 150 megapixels has 14 204 (Phase One IQ4, 2018).
+LARGEST_IMAGE_PX = 20_000
 
 
 class Distortion(Section):

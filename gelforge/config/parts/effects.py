@@ -234,6 +234,16 @@ class ContactEffects(Section):
     adhesion: Adhesion = Field(Adhesion(), description="adhesion")
     film: Film = Field(Film(), description="film that gives way")
 
+    @property
+    def friction_exponents(self) -> tuple[float, ...]:
+        """Return the exponents of all factors of the coefficient of friction."""
+        return self.pressure_exponent, *(term.exponent for term in self.pressure_terms)
+
+    @property
+    def friction_pressures_MPa(self) -> tuple[float, ...]:
+        """Return the reference pressures of these factors."""
+        return self.reference_pressure_MPa, *(term.reference_pressure_MPa for term in self.pressure_terms)
+
 
 class KinematicEffects(Section):
     """Where the indenter really is, given where it was sent; the mesh stays that of the commanded position."""

@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 from gelforge.config.basis.common import Name, Positive, Section
 from gelforge.config.parts.effects import Effects
 
-LARGEST_RATIO = 1000.0  # far_mm over near_mm, ten halvings of the base grid: the article's has 4
+# far_mm over near_mm, ten halvings of the base grid; the mesh of Sferrazza et al. 2019 has 4.
+LARGEST_RATIO = 1000.0
 
 
 @dataclass(frozen=True)
@@ -66,10 +67,9 @@ class Mesh(Section):
     @property
     def used(self) -> Mesh:
         """These as they are meshed: of standard quality, with the sizes and the growth of this one's."""
-        own = QUALITIES[self.quality]
-        return self.coarser(own.sizes).model_copy(
-            update={"quality": "standard", "growth": own.growth * self.growth}
-        )
+        factors = QUALITIES[self.quality]
+        as_meshed = {"quality": "standard", "growth": factors.growth * self.growth}
+        return self.coarser(factors.sizes).with_values(as_meshed)
 
     def coarser(self, factor: float) -> Mesh:
         """Return these with near, far and the wall's size multiplied, and the envelope with the square.
@@ -78,7 +78,7 @@ class Mesh(Section):
         """
         sizes = {"near_mm": factor * self.near_mm, "far_mm": factor * self.far_mm}
         sizes["wall_parts"] = self.wall_parts / factor
-        return self.model_copy(update=sizes | {"envelope_mm": factor**2 * self.envelope_mm})
+        return self.with_values(sizes | {"envelope_mm": factor**2 * self.envelope_mm})
 
 
 class Contact(Section):

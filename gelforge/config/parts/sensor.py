@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
 from gelforge.config.basis.common import Fraction, Name, NonNegative, Positive, Section
+
+Known = TypeVar("Known")
 
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 
@@ -136,6 +139,10 @@ class Sensor(Section):
     def imaged_layers(self) -> list[Layer]:
         """The layers whose motion the camera sees: those with particles; where none has any, all."""
         return [layer for layer in self.layers if layer.particle_volume_fraction > 0] or self.layers
+
+    def by_layer(self, by_material: Mapping[str, Known]) -> dict[str, Known]:
+        """Return by layer what is known by material."""
+        return {layer.name: by_material[layer.material] for layer in self.layers}
 
 
 class IndenterPart(Section):

@@ -27,7 +27,8 @@ FORMER_KEYS = {  # of earlier files, and what to write in their place
     "scatter_mm": "session_scatter_mm or, where every indentation finds its contact point, press_scatter_mm",
     "gap_tolerance_mm": "gap_tolerance, over the element size",
 }
-LARGEST = 1e12  # squares and cubes of what is below stay numbers
+# Cubes of what is below stay numbers in float32 too: 1e36 of 3.4e38 (IEEE 754-2019).
+LARGEST = 1e12
 
 
 def read_yaml(path: Path) -> dict[str, Any]:

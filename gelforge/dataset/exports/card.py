@@ -15,19 +15,13 @@ from gelforge.dataset.card import (
 from gelforge.dataset.exports.export import Options
 from gelforge.dataset.exports.source import Source
 
+# The size categories of a dataset card (Hugging Face Hub, docs/hub/datasets-cards).
 SIZES = ((1e3, "n<1K"), (1e4, "1K<n<10K"), (1e5, "10K<n<100K"), (1e6, "100K<n<1M"))
 
 
 def title(source: Source) -> str:
     """Return the name under which an export is shown."""
     return f"Force distributions of study {source.manifest['study']}"
-
-
-def summary(source: Source) -> str:
-    """Return in a sentence what an export holds."""
-    kind = "SYNTHETIC recordings of a virtual lab" if source.manifest["synthetic"] else "measured recordings"
-    what = "labels only, no recordings" if source.manifest["labels_only"] else kind
-    return f"Contact force distributions of a soft tactile sensor from finite elements; {what}."
 
 
 def card(source: Source, use: str, options: Options, columns: str | None = None) -> str:

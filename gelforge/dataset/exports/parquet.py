@@ -12,7 +12,8 @@ import numpy as np
 from gelforge.dataset.exports.export import library
 from gelforge.dataset.exports.source import Variable
 
-FILE_BYTES = 400e6  # uncompressed: of a size that is loaded and shown in one go
+# Uncompressed: below the MAX_SHARD_SIZE of `datasets`, 500 MB (datasets/config.py).
+FILE_BYTES = 400e6
 TYPES = {"f4": "float32", "f8": "float64", "i4": "int32", "i8": "int64", "bool": "bool", "text": "string"}
 
 

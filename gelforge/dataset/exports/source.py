@@ -23,7 +23,7 @@ SPLITS = ("train", "validation", "test")
 BLOCK_ROWS = 64  # rows in memory at a time
 IMAGE, IMAGE_NAME = "image", "image_file"  # an image's content, and the name of its file (`image` in shards)
 SAMPLE_SHARE = 0.9  # of the bytes of a sample, for what stands beside the rows
-BYTES = {"f4": 4, "f8": 8, "i4": 4, "bool": 1, "text": 24}
+BYTES = {kind: np.dtype(kind).itemsize for kind in ("f4", "f8", "i4", "bool")} | {"text": 24}
 
 
 @dataclass(frozen=True)

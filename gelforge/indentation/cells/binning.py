@@ -11,7 +11,8 @@ from gelforge.mechanics.meshes.elements import TRIANGLE6_PARTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
 PARTS = 24  # of a triangle's side: a node's share of a bin is then known to 1e-2 where the bin's edge cuts its faces
-# Components below this share of the largest are stored as exact zeros: the sparse RMSE counts entries that are not zero.
+# Components below this share of the largest are stored as exact zeros: the sparse RMSE (Sferrazza et al. 2019)
+# counts entries that are not zero.
 DUST = 1e-8
 
 

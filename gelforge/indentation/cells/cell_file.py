@@ -128,9 +128,18 @@ class Cell:
 def write_cell(path: str | Path, cell: Cell) -> None:
     """Write a site, whole or not at all.
 
-    Raises CellError for a number that is not finite: forces, fields, error bars, derivatives and attributes all are, but
-    for UNKNOWN_IS_NAN. What TIMINGS name goes into <name>.timings.json beside it, see read_timings; the rest is the same,
-    byte for byte, from the same inputs on the same machine.
+    Parameters
+    ----------
+    path : path
+        HDF5 file. What TIMINGS name goes into <name>.timings.json next to it, see read_timings; the rest is the same, byte
+        for byte, from the same inputs on the same machine.
+    cell : Cell
+        Arrays named as in DATASETS, with attributes.
+
+    Raises
+    ------
+    CellError
+        A number that is not finite: forces, fields, error bars, derivatives and attributes all are, but for UNKNOWN_IS_NAN.
     """
     check_finite(path, cell)
     timings = {key: cell.attributes[key] for key in TIMINGS if key in cell.attributes}
@@ -189,9 +198,21 @@ def check_finite(whose: str | Path, cell: Cell) -> None:
 
 
 def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collection[str] = ()) -> Cell:
-    """Return a site: the named arrays and those of if_held that it holds, or without names all that a site holds.
+    """Return a site from its file.
 
-    Raises CellError naming the file for a file that is missing, damaged, of another format or incomplete.
+    Parameters
+    ----------
+    path : path
+        An HDF5 file that write_cell has written.
+    arrays : list of str, optional
+        Names of the arrays that are read; all that a site holds if not given.
+    if_held : collection of str
+        Names of arrays that are read where the file has them.
+
+    Raises
+    ------
+    CellError
+        A file that is missing, damaged, of another format or incomplete, by name.
     """
     with opened(path, FORMAT, f"simulate it again (snakemake -R {path})", CellError) as file:
         attributes = dict(file.attrs)

@@ -69,7 +69,20 @@ def middle_of(study: Study) -> Place:
 
 
 def with_keys(study: Study, **families) -> Study:
-    """Return the study with other keys of mechanics.effects, e.g. kinematics={"yaw_deg": 1.0}, checked anew."""
+    """Return the study with other keys of mechanics.effects, checked anew.
+
+    Parameters
+    ----------
+    study : Study
+        The study to be changed.
+    **families : dict
+        Keys by family, e.g. kinematics={"yaw_deg": 1.0}.
+
+    Raises
+    ------
+    ConfigError
+        A key or value that the configuration refuses.
+    """
     return _changed(study, {"mechanics": {"effects": families}})
 
 

@@ -48,8 +48,8 @@ def element_stiffness(
     for inclusion in geometry.inclusions:
         share = _ball_share(mesh, inclusion)
         shear = shear * mixed_factor(inclusion.factor, share)
-        own = inclusion.factor if inclusion.bulk_factor is None else inclusion.bulk_factor
-        bulk = bulk * bulk_factor_of(share * volume_field(own, ratio), ratio)
+        bulk_factor = inclusion.factor if inclusion.bulk_factor is None else inclusion.bulk_factor
+        bulk = bulk * bulk_factor_of(share * volume_field(bulk_factor, ratio), ratio)
     for film in geometry.delaminations:
         shear = shear * (1 - film.loss * (1 - LEAST) * _film_share(mesh, sensor, film))
     if (shear == 1).all() and (bulk == 1).all():
@@ -124,8 +124,8 @@ def _particle_factor(mesh: Mesh, sensor: Sensor, effects: Effects) -> np.ndarray
     phi, bottom = np.zeros(len(mesh.elements)), -sensor.height_mm
     for number, layer in enumerate(sensor.layers):
         depth = 1 - 2 * (z - bottom) / layer.thickness_mm  # 1 at the layer's bottom, -1 at its top
-        own = layer.particle_volume_fraction * (particles.stiffening + particles.settling * depth)
-        phi += own * (mesh.region == number)
+        local = layer.particle_volume_fraction * (particles.stiffening + particles.settling * depth)
+        phi += local * (mesh.region == number)
         bottom += layer.thickness_mm
     return eshelby_factor(phi)
 

@@ -16,7 +16,20 @@ ROUNDING_MM = (
 
 
 def within(gap_mm, tolerance_mm=POSITION_MATCH_MM):
-    """Return whether a gap (any shape) [mm] is no larger than a tolerance, which itself is still within."""
+    """Return whether gaps are no larger than a tolerance, which itself is still within.
+
+    Parameters
+    ----------
+    gap_mm : float or array
+        Distances [mm].
+    tolerance_mm : float or array
+        Largest distance that counts as the same place [mm].
+
+    Examples
+    --------
+    >>> within(0.01), within(0.0102)
+    (True, False)
+    """
     return gap_mm <= tolerance_mm + ROUNDING_MM
 
 
@@ -67,6 +80,6 @@ def visited(places: np.ndarray, tolerance_mm: float, names: list[str] | None = N
             and (not named[k] or not named[number] or named[k] == named[number])
         ]
         if known:
-            own = min(known, key=lambda k: (float(gaps_to(places[k], places[number])[0]), k))
-            site[number], named[own] = own, named[own] or named[number]
+            nearest = min(known, key=lambda k: (float(gaps_to(places[k], places[number])[0]), k))
+            site[number], named[nearest] = nearest, named[nearest] or named[number]
     return site

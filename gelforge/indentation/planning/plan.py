@@ -45,7 +45,23 @@ PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg", "twist_d
 
 
 def plan_cells(study: Study) -> dict[str, PlannedCell]:
-    """Return the study's sites by name, in the order of the plan, with mirrored sites naming their source."""
+    """Return the study's sites by name, in the order of the plan, with mirrored sites naming their source.
+
+    Parameters
+    ----------
+    study : Study
+        Its plan: a grid, a file, or the positions of its sessions.
+
+    Returns
+    -------
+    dict of PlannedCell
+        Positions and depths [mm]. With `plan.interpolation` the sites whose label is interpolated are marked.
+
+    Raises
+    ------
+    ConfigError
+        Two sites at one place, a position or depth that cannot be pressed, or a symmetry that does not hold.
+    """
     tolerance = place_tolerance_mm(study)
     cells = {name: replace(cell, within_mm=tolerance) for name, cell in _described(study, tolerance).items()}
     check_places(cells, min(POSITION_MATCH_MM, tolerance))
@@ -80,7 +96,7 @@ def _between_sites(cells: dict[str, PlannedCell], study: Study) -> dict[str, Pla
     }
 
 
-CORNER_MM = 5.0  # the article's "corner": this far from two edges
+CORNER_MM = 5.0  # the "corner" of Sferrazza et al. 2019: this far from two edges
 
 
 def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
@@ -248,9 +264,22 @@ def press_path(
     unload: bool,
     twist: float = 0.0,
 ) -> PlannedCell:
-    """Return a site that is pressed by increasing depths, then, if asked, moved by shear (2,) [mm], twisted and unloaded.
+    """Return a site that is pressed by increasing depths, then, if asked, moved sideways, twisted and unloaded.
 
-    twist [deg]: about z, through the indenter's centre.
+    Parameters
+    ----------
+    name : str
+        Of the site.
+    x, y : float
+        Position [mm].
+    depths : list of float
+        Increasing depths [mm].
+    shear : list of 2 floats, optional
+        Then move sideways by this [mm], in steps of SHEAR_STEP_MM at most.
+    unload : bool
+        Then come back by the same depths.
+    twist : float
+        Before unloading turn about z, through the indenter's centre [deg], in steps of TWIST_STEP_DEG at most.
     """
     if shear is None and not twist and not unload:
         return PlannedCell(name, x, y, tuple(depths))

@@ -9,11 +9,12 @@ import numpy as np
 from gelforge.config import ConfigError, Study
 from gelforge.indentation.paths.places import pairs_within
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.sizes import UNITS
 
-MOST_CELLS = 200_000  # of a grid: the article's has 1681; a spacing in metres has a million times as many
+# Of a grid: that of Sferrazza et al. 2019 has 1681; a spacing in metres has a million times as many.
+MOST_CELLS = 200_000
 MOST_ELEMENTS = 5e6  # a hundred times those of the article's mesh; their factors alone would need a terabyte
 MOST_STEPS = 1e4  # of one indentation; a hundred resolve any history
-UNITS = {"metres": 1e3, "inches": 25.4}  # mm of a unit that is taken for a millimetre
 
 
 def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:
@@ -54,7 +55,8 @@ def check_unit(cells: Mapping[str, PlannedCell], study: Study) -> None:
     sizes = (sensor.width_x_mm, sensor.width_y_mm, sensor.height_mm)
     found = (*largest, deepest)
     of_file = study.plan.file is not None
-    for unit, factor in UNITS.items():
+    for unit in ("metres", "inches"):
+        factor = UNITS[unit]
         fits = [0 < factor * length <= size for length, size in zip(found, sizes)]
         if not (any(fits) if unit == "metres" else all(fits) and of_file and len(cells) > 1):
             continue

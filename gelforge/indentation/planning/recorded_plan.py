@@ -57,15 +57,15 @@ def cells_from_presses(
     xy = np.array([(one.x_mm, one.y_mm) for one in presses]).reshape(-1, 2)
     first = visited(xy, tolerance_mm, [one.site for one in presses])
     cells: dict[str, PlannedCell] = {}
-    for number, own in enumerate(np.unique(first).tolist()):
-        members = [presses[k] for k in np.flatnonzero(first == own).tolist()]
+    for number, begins in enumerate(np.unique(first).tolist()):
+        members = [presses[k] for k in np.flatnonzero(first == begins).tolist()]
         begun = members[0]
         name = next((one.site for one in members if one.site), f"{prefix}{number:04d}")
         if name in cells:
             other = cells[name]
             raise ConfigError(
                 f"{begun.where}: site {name!r} lies at ({begun.x_mm:.4f}, {begun.y_mm:.4f}) mm,"
-                f" {gaps_to(xy[own], (other.x_mm, other.y_mm))[0]:.3g} mm from an earlier indentation of that name,"
+                f" {gaps_to(xy[begins], (other.x_mm, other.y_mm))[0]:.3g} mm from an earlier indentation of that name,"
                 f" limit {tolerance_mm:g} mm; correct or empty the column `cell`"
             )
         depths = tuple(sorted({round(one.depth_mm, DEPTH_DIGITS) for one in members}))
@@ -113,20 +113,20 @@ def _places_of(
         )
     found: dict[str, RecordedPlace] = {}
     for k in np.flatnonzero(np.isin(phase, ["load", "dwell"])).tolist():
-        press, own = columns["press"][k], columns["cell"][k]
+        press, site = columns["press"][k], columns["cell"][k]
         if not (np.isfinite(depth[k]) and depth[k] > 0):
             raise ConfigError(
                 f"{table}, row {rows[k]}: depth_mm {depth[k]:g} in phase {phase[k]}; it must be positive"
             )
-        if own and not NAME.fullmatch(own):
+        if site and not NAME.fullmatch(site):
             raise ConfigError(
-                f"{table}, row {rows[k]}: site {own!r} is not a name; use letters, digits, '_' and '-'"
+                f"{table}, row {rows[k]}: site {site!r} is not a name; use letters, digits, '_' and '-'"
             )
         known = found.get(press)
         x, y = (known.x_mm, known.y_mm) if known else map(float, np.round(xy[k], 6))
         deepest = max(float(depth[k]), known.depth_mm if known else 0.0)
         found[press] = RecordedPlace(
-            press, known.site if known else own, x, y, deepest, f"{table}, row {rows[k]}"
+            press, known.site if known else site, x, y, deepest, f"{table}, row {rows[k]}"
         )
     if not found:
         raise ConfigError(f"{table}: no load or dwell row; plan.from: sessions finds no indentation there")

@@ -23,6 +23,6 @@ def check_stable_ahead(study: Study, laws: dict[str, PrincipalLaw], cells: dict[
     deepest = max(cells.values(), key=lambda cell: cell.deepest_mm)
     share = planned_reach(sensor, effects, shape, Trajectory.of(deepest, study.plan.approach)).share
     regions = tuple(layer.name for layer in sensor.layers)
-    by_layer = {layer.name: laws[layer.material] for layer in sensor.layers}
+    by_layer = sensor.by_layer(laws)
     used = region_laws(sensor, effects, regions, by_layer)
     check_laws(used, stretches_ahead(sensor, effects, by_layer, regions, share))

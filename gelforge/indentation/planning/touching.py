@@ -136,7 +136,7 @@ def _parts(indenter: Indenter, shape: Shape, deepest: float):
     if not isinstance(several, Several):
         return
     lowest = shape.support(DOWN)
-    for part, own, offset in zip(indenter.parts, several.shapes, several.offsets @ rotation.T):
-        turned = Turned(own, rotation)
+    for part, body, offset in zip(indenter.parts, several.shapes, several.offsets @ rotation.T):
+        turned = Turned(body, rotation)
         height = lowest - (turned.support(DOWN) + offset @ DOWN)
         yield part, float(height), turned.section(max(deepest - height, 0.0)) + [*offset[:2], 0.0]

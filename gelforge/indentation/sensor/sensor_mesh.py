@@ -138,10 +138,10 @@ def tops_over(solids: Solids, x: float, y: float) -> list[float]:
         corners = a, b, c = [surface.vertices[surface.triangles[:, k]] for k in range(3)]
         sides = ((b, c), (c, a), (a, b))
         weight = np.stack([cross(first[:, :2] - p, last[:, :2] - p) for first, last in sides])
-        whole = weight.sum(axis=0)
-        over = (weight >= 0).all(axis=0) & (whole > 1e-12)  # faces that look up
+        doubled_area = weight.sum(axis=0)
+        over = (weight >= 0).all(axis=0) & (doubled_area > 1e-12)  # faces that look up
         z = np.stack([corner[:, 2] for corner in corners])
-        heights += list((weight * z).sum(axis=0)[over] / whole[over])
+        heights += list((weight * z).sum(axis=0)[over] / doubled_area[over])
     return heights
 
 

@@ -97,8 +97,8 @@ def indenter_words(indenter: Indenter) -> list[str]:
         corners = part_corners(part)
         extents = " x ".join(f"{size:.4g}" for size in np.ptp(corners, axis=0))
         x, y, _ = np.round(lowest_point(corners) + part.offset_mm, 3) + 0.0  # no minus zero
-        beside = f", lowest at ({x:g}, {y:g}) mm from the position" if part.kind == "mesh" else ""
-        lines.append(f"{part.words}: {extents} mm{beside}")
+        lowest_at = f", lowest at ({x:g}, {y:g}) mm from the position" if part.kind == "mesh" else ""
+        lines.append(f"{part.words}: {extents} mm{lowest_at}")
     return lines
 
 

@@ -23,7 +23,17 @@ def inverse(name: str) -> str:
 
 
 def transform_points(name: str, points: np.ndarray, width: float) -> np.ndarray:
-    """Return points (..., 2 or 3) [mm] of the sensor's frame carried by a symmetry of the square of this width."""
+    """Return points carried by a symmetry of the square.
+
+    Parameters
+    ----------
+    name : str
+        A key of D4.
+    points : (..., 2) or (..., 3) array
+        In the sensor's frame [mm].
+    width : float
+        Of the square [mm].
+    """
     moved = np.array(points, dtype=float)
     moved[..., :2] = (moved[..., :2] - width / 2) @ D4[name].T + width / 2
     return moved

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gelforge.config import ConfigError, Study
+from gelforge.config.parts.effects import HistoryEffects
 from gelforge.indentation.cells.binning import bin_forces, bin_shares
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
@@ -35,9 +36,26 @@ def simulate_label(
 ) -> Cell:
     """Return the solved site of a plan with the error bars of its forces, unless mechanics.error_bars is false.
 
-    laws by material; uncertain: by material, its law moved by error_bars.AMOUNT of a standard deviation along each
-    independent direction of its parameters (materials.fitting.law_file.moved_laws); outside: see simulate_cell. A site that
-    the indenter, or one of its parts, never touches has failed.
+    A site that the indenter, or one of its parts, never touches has failed.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor, indenter and mechanics.
+    laws : dict of PrincipalLaw
+        By material [MPa].
+    uncertain : mapping of sequences of PrincipalLaw
+        By material, its law moved by error_bars.AMOUNT of a standard deviation along each independent direction of its
+        parameters (materials.fitting.law_file.moved_laws).
+    planned : PlannedCell
+        Position and path.
+    outside : dict of Outside, optional
+        See simulate_cell.
+
+    Raises
+    ------
+    ConfigError
+        A sensitivity that has no derivative or no meaning for this study; nothing is solved then.
     """
     variations_of(study, laws, study.mechanics.sensitivities)  # refused before anything is solved
     cell, solution = solved_cell(study, laws, planned, outside)
@@ -108,10 +126,8 @@ def solve_companion(
     Effects that make the path another than a plain one (history, residual stretch, a machine that yields) are in its forces;
     how the forces follow the laws is taken from the plain path, of which they change little.
     """
-    mechanics, effects = study.mechanics, study.mechanics.effects
-    coarser = study.model_copy(
-        update={"mechanics": mechanics.model_copy(update={"mesh": mechanics.mesh.coarser(COARSER)})}
-    )
+    effects = study.mechanics.effects
+    coarser = study.with_values({"mechanics": {"mesh": study.mechanics.mesh.coarser(COARSER)}})
     kinematics = effects.kinematics
     yields = kinematics.frame_compliance_mm_per_N or kinematics.base_bending_mm_per_N
     if not (effects.history.any or effects.geometry.prestretch or yields):
@@ -126,29 +142,19 @@ def solve_companion(
 
 
 def _without_path_effects(study: Study) -> Study:
-    effects = study.mechanics.effects
-    nothing = type(effects)()
     still = {"frame_compliance_mm_per_N": 0.0, "base_bending_mm_per_N": 0.0}
-    plain = effects.model_copy(
-        update={
-            "history": nothing.history,
-            "geometry": effects.geometry.model_copy(update={"prestretch": {}}),
-            "kinematics": effects.kinematics.model_copy(update=still),
-        }
-    )
-    return study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"effects": plain})})
+    plain = {"history": HistoryEffects(), "geometry": {"prestretch": {}}, "kinematics": still}
+    return study.with_values({"mechanics": {"effects": plain}})
 
 
 def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion, str, int]:
-    mechanics, layers = study.mechanics, study.sensor.layers
-    materials = {layer.name: layer.material for layer in layers}
-    by_layer = {layer.name: laws[layer.material] for layer in layers}
-    trajectory = Trajectory.of(planned, study.plan.approach)
-    model = model_of(study.sensor, study.indenter, mechanics, by_layer, trajectory)
+    mechanics, sensor = study.mechanics, study.sensor
+    trajectory, by_layer = Trajectory.of(planned, study.plan.approach), sensor.by_layer(laws)
+    model = model_of(sensor, study.indenter, mechanics, by_layer, trajectory)
     press = Press(model.body, model.shape, model.settings, mechanics.solver.linear_solver)
     varied = []
-    for moved in laws_moved(uncertain, by_layer, materials):
-        other = model_of(study.sensor, study.indenter, mechanics, moved, trajectory, model)
+    for moved in laws_moved(uncertain, by_layer, {layer.name: layer.material for layer in sensor.layers}):
+        other = model_of(sensor, study.indenter, mechanics, moved, trajectory, model)
         varied.append(Varied(other.body, other.shape, other.settings, other.start, other.centres, AMOUNT))
     forces, slopes, reason = [], [], ""
     try:
@@ -162,7 +168,7 @@ def _plain_companion(study: Study, laws, planned, uncertain) -> tuple[Companion,
     D, n, S = len(forces), len(varied), len(model.mesh.surface.nodes)
     nodal = np.array(forces).reshape(D, S, 3)
     along = np.moveaxis(np.array(slopes).reshape(D, n, S, 3), 1, 0)
-    shares = bin_shares(model.mesh, study.sensor, mechanics.binning)
+    shares = bin_shares(model.mesh, sensor, mechanics.binning)
     binned = bin_forces(along.reshape(n * D, S, 3), shares).reshape(n, D, shares.shape[0], 3)
     companion = Companion(nodal.sum(axis=1), bin_forces(nodal, shares), along.sum(axis=2), binned)
     return companion, reason, model.body.pattern.size

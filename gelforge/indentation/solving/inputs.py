@@ -14,7 +14,17 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 
 def inputs_digest(study: Study, laws: Mapping[str, PrincipalLaw], planned: PlannedCell) -> str:
-    """Return the digest of everything that decides a site's numbers: settings, laws, position, depths, sources."""
+    """Return the digest of everything that decides a site's numbers: settings, laws, position, depths, sources.
+
+    Parameters
+    ----------
+    study : Study
+        Its sensor, indenter and mechanics count.
+    laws : mapping of PrincipalLaw
+        By material.
+    planned : PlannedCell
+        The site and its path.
+    """
     return digest(
         {
             **model_inputs(study, laws),

@@ -203,11 +203,8 @@ def _settings(mechanics: Mechanics) -> Settings:
         max_halvings=mechanics.solver.max_halvings,
         facets=mechanics.contact.facets,
         initial_normals=mechanics.contact_normals == "initial",
-        friction_exponents=(contact.pressure_exponent, *(term.exponent for term in contact.pressure_terms)),
-        friction_pressures=(
-            contact.reference_pressure_MPa,
-            *(term.reference_pressure_MPa for term in contact.pressure_terms),
-        ),
+        friction_exponents=contact.friction_exponents,
+        friction_pressures=contact.friction_pressures_MPa,
         adhesion_work=contact.adhesion.work_N_per_mm,
         adhesion_approach=contact.adhesion.approach_N_per_mm,
         adhesion_range=contact.adhesion.range_mm,

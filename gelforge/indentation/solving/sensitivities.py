@@ -157,16 +157,13 @@ def unmirrored(study: Study) -> Study:
 
     Only `d4` asks for it and is refused; `auto` mirrors nothing where it does not hold.
     """
-    if study.plan.symmetry != "d4":
-        return study
-    return study.model_copy(update={"plan": study.plan.model_copy(update={"symmetry": "none"})})
+    return study.with_values({"plan": {"symmetry": "none"}}) if study.plan.symmetry == "d4" else study
 
 
 def _model(
     study: Study, laws: Mapping[str, PrincipalLaw], planned: PlannedCell, base: Model | None = None
 ) -> Model:
-    by_layer = {layer.name: laws[layer.material] for layer in study.sensor.layers}
-    trajectory = Trajectory.of(planned, study.plan.approach)
+    trajectory, by_layer = Trajectory.of(planned, study.plan.approach), study.sensor.by_layer(laws)
     return model_of(study.sensor, study.indenter, study.mechanics, by_layer, trajectory, base)
 
 
@@ -211,14 +208,14 @@ def _along(
         arrays |= gel_arrays(base.mesh, reached, study.sensor)
     found = {}
     for k, name in enumerate(varied):
-        own = np.array([step[k] for step in slopes])
+        nodal = np.array([step[k] for step in slopes])
         motion = np.array([step[k] for step in motions], np.float32) if stored else None
-        bins = bin_forces(own, shares)
+        bins = bin_forces(nodal, shares)
         if (away := carried[k]) is not None:  # the same forces on nodes that lie elsewhere among the bins
             mesh = replace(base.mesh, X=base.mesh.X + LITTLE_WAY * away)
             there = bin_shares(mesh, study.sensor, study.mechanics.binning)
             bins = bins + bin_forces(np.array(forces), (there - shares) / LITTLE_WAY)
-        found[name] = Derivative(own.sum(axis=1), bins, sum(seconds) / len(varied), motion)
+        found[name] = Derivative(nodal.sum(axis=1), bins, sum(seconds) / len(varied), motion)
     return Cell(arrays, {}), found
 
 

@@ -44,9 +44,23 @@ def simulate_cell(
     planned: PlannedCell,
     outside: dict[str, Outside] | None = None,
 ) -> Cell:
-    """Return the solved site of a plan; laws are named by material. A site that fails says so in its attributes.
+    """Return the solved site of a plan. A site that fails says so in its attributes.
 
-    outside: by material, whether principal stretches leave the range in which its law was tested.
+    Parameters
+    ----------
+    study : Study
+        Sensor, indenter, mechanics and approach.
+    laws : dict of PrincipalLaw
+        By material [MPa].
+    planned : PlannedCell
+        Position and path.
+    outside : dict of Outside, optional
+        By material, whether principal stretches leave the range in which its law was tested.
+
+    Returns
+    -------
+    Cell
+        Arrays by depth as in cell_file.DATASETS, without error bars and derivatives.
     """
     return solved_cell(study, laws, planned, outside)[0]
 
@@ -58,12 +72,11 @@ def solved_cell(
     outside: dict[str, Outside] | None = None,
 ) -> tuple[Cell, Solution]:
     """Return what simulate_cell does, and the solution along which derivatives can be taken."""
-    layers = study.sensor.layers
-    by_layer = {layer.name: laws[layer.material] for layer in layers}
-    tested = {layer.name: (outside or {}).get(layer.material) for layer in layers}
+    sensor = study.sensor
+    tested = {layer.name: (outside or {}).get(layer.material) for layer in sensor.layers}
     trajectory = Trajectory.of(planned, study.plan.approach)
     cell, _, solution = _simulated(
-        study.sensor, study.indenter, study.mechanics, by_layer, trajectory, tested, None
+        sensor, study.indenter, study.mechanics, sensor.by_layer(laws), trajectory, tested, None
     )
     identity = {"cell": planned.name, "inputs_digest": inputs_digest(study, laws, planned), "source": ""}
     return Cell(cell.arrays, cell.attributes | identity), solution

@@ -9,11 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.materials.basis.common_form import Segment
+from gelforge.materials.basis.statistics import SIGMA_OF_MEDIAN
 
 TOLERANCE = 0.01  # of the range of stretch: noise of the strain measurement, not a reversal
 HOLD_RATE = 0.1  # of the typical rate while moving; below it a piece that hardly moves is a hold,
 HOLD_LENGTH = 5  # if it lasts longer than the movement takes for this many tolerances (an encoder may stick)
-SIGMAS = 6.0  # of noise: thousands of rows, and both ends of a piece carry noise too
+# Of noise: thousands of rows, and both ends of a piece carry noise too (tests/materials/test_segments.py: stairs with noise
+# of 0.3 % of the range are found).
+SIGMAS = 6.0
 LARGEST_MARGIN = 0.03  # of the range; noisier tests need smoothing first
 LEAST_REVERSAL = 3  # tolerances; a shorter way back is a glitch of the strain measurement
 NAMES = {1: "load", -1: "unload", 0: "hold"}
@@ -64,7 +67,7 @@ def _noise(time: np.ndarray, stretch: np.ndarray) -> float:
     span = np.maximum(time[2:] - time[:-2], 1e-12)
     w = np.clip((time[1:-1] - time[:-2]) / span, 0, 1)
     gap = stretch[1:-1] - (1 - w) * stretch[:-2] - w * stretch[2:]
-    return float(1.4826 * np.median(np.abs(gap) / np.sqrt(1 + w**2 + (1 - w) ** 2)))
+    return float(SIGMA_OF_MEDIAN * np.median(np.abs(gap) / np.sqrt(1 + w**2 + (1 - w) ** 2)))
 
 
 def _corners(time: np.ndarray, stretch: np.ndarray, margin: float) -> list[int]:
@@ -113,8 +116,10 @@ def _without_glitches(pieces, outward, least: float) -> list[tuple[int, int, int
     while True:
         ways = [abs(outward[b] - outward[a]) if d else np.inf for d, a, b in pieces]
         k = int(np.argmin(ways))
-        beside = [j for j in (k - 1, k + 1) if 0 <= j < len(pieces) and pieces[j][0] == -pieces[k][0] != 0]
-        if ways[k] >= least or not beside:
+        neighbours = [
+            j for j in (k - 1, k + 1) if 0 <= j < len(pieces) and pieces[j][0] == -pieces[k][0] != 0
+        ]
+        if ways[k] >= least or not neighbours:
             return pieces
         pieces = _merged([*pieces[:k], (-pieces[k][0], *pieces[k][1:]), *pieces[k + 1 :]])
 

@@ -2,49 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.measured_effects import MeasuredEffect
 from gelforge.materials.covariates.effects import (
+    CIRCUMSTANCES,
     CONFIDENCE,
+    Circumstance,
     Effect,
     Scatter,
-    ageing_effect,
-    dose_effect,
+    effect_of,
     line_effect,
-    rate_effect,
     scatter_between,
-    temperature_effect,
 )
 from gelforge.materials.covariates.relaxation import Relaxation
-
-
-@dataclass(frozen=True)
-class Circumstance:
-    """A number that a test was made at; values closer than `alike` (of its scale) count as the same."""
-
-    effect: str
-    attribute: str
-    alike: float
-    judge: Callable[..., Effect]
-    unit: str
-    scale: Callable = float
-    word: str = ""
-
-
-CIRCUMSTANCES = (
-    Circumstance(
-        "strain_rate", "rate_per_s", 0.15, rate_effect, "1/s", np.log10, "strain rate"
-    ),  # a factor of 1.4
-    Circumstance("age", "age_days", 0.9, ageing_effect, "days", word="age"),
-    Circumstance("temperature", "temperature_C", 1.5, temperature_effect, "degC", word="temperature"),
-    Circumstance("treatment", "dose", 1e-9, dose_effect, "doses", word="treatment"),
-)
-
 
 ALIKE_STRAIN = 0.1  # relative: strains of holds that are closer count as one
 
@@ -57,9 +29,9 @@ def circumstance_effects(tests: list[MaterialTest]) -> tuple[list[MeasuredEffect
     """
     found, not_judged = [], []
     for kind in dict.fromkeys(t.test for t in tests):
-        own = [t for t in tests if t.test == kind and t.cycle in (None, 1) and _loads(t)]
+        first_loadings = [t for t in tests if t.test == kind and t.cycle in (None, 1) and _loads(t)]
         for ramps in (False, True):
-            group = [t for t in own if (t.history == "relaxation") == ramps]
+            group = [t for t in first_loadings if (t.history == "relaxation") == ramps]
             keys = _keys(group)
             repeats = _repeats(group)
             for number, circumstance in enumerate(CIRCUMSTANCES):
@@ -85,17 +57,16 @@ def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]
         keys = [(*key, level) for key, level in zip(_keys(group), _held_levels([fits[i] for i in chosen]))]
         for number, circumstance in enumerate(CIRCUMSTANCES[1:], start=1):
             for members in _groups(keys, number):
-                own, held = [group[i] for i in members], [fits[chosen[i]] for i in members]
+                alike, held = [group[i] for i in members], [fits[chosen[i]] for i in members]
                 begin, end = common_hold(held)
                 y = np.log([1 - fit.drop_between(begin, end) for fit in held])
-                values = [getattr(t, circumstance.attribute) for t in own]
-                x, span = np.array([circumstance.scale(v) for v in values]), (min(values), max(values))
+                values = np.array([circumstance.of(test) for test in alike])
                 level = float(np.median([fit.stretch for fit in held]))
+                share_left = f"share of stress left from {begin:.3g} to {end:.3g} s of hold"
                 effect = line_effect(
-                    y, x, circumstance.word, span, circumstance.unit, circumstance.unit.rstrip("s"), (level, level),
-                    own[0].abscissa, None, f"share of stress left from {begin:.3g} to {end:.3g} s of hold",
-                )  # fmt: skip
-                found.append(_measured(circumstance.effect, kind, effect, own))
+                    circumstance, values, y, (level, level), alike[0].abscissa, quantity=share_left
+                )
+                found.append(_measured(circumstance.effect, kind, effect, alike))
     return found
 
 
@@ -169,13 +140,13 @@ def _repeats(tests: list[MaterialTest]) -> Scatter | None:
 def _judged(tests, keys, number, circumstance, repeats) -> tuple[list[MeasuredEffect], list[str]]:
     found, reasons = [], []
     for members in _groups(keys, number):
-        own = [tests[i] for i in members]
+        alike = [tests[i] for i in members]
         try:
-            effect = circumstance.judge(own, repeats)
+            effect = effect_of(circumstance, alike, repeats)
         except ValueError as error:
             reasons.append(str(error))
             continue
-        found.append(_measured(circumstance.effect, own[0].test, effect, own))
+        found.append(_measured(circumstance.effect, alike[0].test, effect, alike))
     if not found and not reasons and len({key[number] for key in keys} - {None}) > 1:
         reasons.append(f"{circumstance.word} changes only together with other covariates; test one at a time")
     return found, reasons
@@ -199,9 +170,9 @@ def _measured(name: str, kind: str, effect: Effect, tests: list[MaterialTest]) -
         tuple(t.sample for t in tests),
         {
             "span": list(effect.span),
-            "span_unit": effect.unit,
+            "span_unit": effect.circumstance.unit,
             "slope": effect.slope,
-            "slope_per": effect.per,
+            "slope_per": effect.circumstance.per,
             "slope_interval_95": slope,
             "stretch": list(effect.stretch),
             "change_at_smallest_and_largest_strain": None if effect.at_ends is None else list(effect.at_ends),

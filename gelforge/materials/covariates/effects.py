@@ -10,6 +10,7 @@ explain the change by chance, and only a change that needs more than UNLIKELY_SC
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,27 +22,54 @@ NOTABLE_TURN = (
     0.1  # of ln stress between both ends of the comparison: the curves differ in shape, not by a factor
 )
 NEGLIGIBLE = 0.05  # relative change of stress over the tested span; samples of one sheet scatter by as much
-UNLIKELY_SCATTER = 0.10  # of samples made alike: twice NEGLIGIBLE; what needs more is no chance
+UNLIKELY_SCATTER = 2 * NEGLIGIBLE  # of samples made alike: what needs more is no chance
 CONFIDENCE = 0.95
 LEVELS = 40  # stretches at which curves are compared
 LOW_STRAIN_SHARE = 0.2  # of the common range: there the stress is small and its offset counts
 
 
 @dataclass(frozen=True)
+class Circumstance:
+    """A number that a test was made at; values closer than `alike` (of its scale) count as the same."""
+
+    effect: str
+    attribute: str  # of a test
+    word: str
+    unit: str
+    per: str  # what a slope is per
+    alike: float
+    scale: Callable = np.positive  # over which the effect is a straight line
+
+    def of(self, test: MaterialTest) -> float:
+        """Return the value of a test. Raises ValueError where it is not known."""
+        value = getattr(test, self.attribute)
+        if value is None:
+            raise ValueError(f"{test.source} {test.sample}: {self.attribute} is not known; state it")
+        return float(value)
+
+
+RATE = Circumstance(
+    "strain_rate", "rate_per_s", "strain rate", "1/s", "decade of strain rate", 0.15, np.log10
+)  # 0.15 of log10: within a factor of 1.4
+AGE = Circumstance("age", "age_days", "age", "days", "day", 0.9)
+TEMPERATURE = Circumstance("temperature", "temperature_C", "temperature", "degC", "kelvin", 1.5)
+TREATMENT = Circumstance("treatment", "dose", "treatment", "doses", "dose", 1e-9)
+CIRCUMSTANCES = (RATE, AGE, TEMPERATURE, TREATMENT)
+
+
+@dataclass(frozen=True)
 class Effect:
     """The relative change of a stress over the tested span of a circumstance, with its 95 % interval."""
 
-    circumstance: str
+    circumstance: Circumstance
     span: tuple[float, float]
     change: float  # stress at the span's end over that at its begin, less 1
     interval: tuple[float, float] | None  # of the change; None where scatter is unknown
-    per: str  # what the slope is per
     slope: float  # relative change of stress per decade, day or kelvin
     slope_interval: tuple[float, float] | None
     tests: int
     stretch: tuple[float, float]  # where the curves were compared
     scatter_to_explain: float  # standard deviation of samples at which the change could be chance (1 in 20)
-    unit: str = ""
     abscissa: str = "stretch"
     quantity: str = "nominal stress"
     at_ends: tuple[float, float] | None = (
@@ -91,13 +119,14 @@ class Effect:
         if self.at_ends and np.ptp(np.log1p(self.at_ends)) > NOTABLE_TURN:
             small, large = self.at_ends
             numbers += f" on average, by {small:+.1%} at the smallest strain and {large:+.1%} at the largest,"
-        text = f"From {begin:.3g} to {end:.3g} {self.unit} {numbers} in {self.tests} tests, {self.slope:+.2%} per {self.per}"
+        word, unit, per = self.circumstance.word, self.circumstance.unit, self.circumstance.per
+        text = f"From {begin:.3g} to {end:.3g} {unit} {numbers} in {self.tests} tests, {self.slope:+.2%} per {per}"
         endings = {
-            "negligible": f"the influence of {self.circumstance} is negligible (within {NEGLIGIBLE:.0%})",
-            "small": f"the influence of {self.circumstance} is resolved but small (at most {NEGLIGIBLE:.0%})",
-            "undecided": f"these tests do not decide whether {self.circumstance} matters",
+            "negligible": f"the influence of {word} is negligible (within {NEGLIGIBLE:.0%})",
+            "small": f"the influence of {word} is resolved but small (at most {NEGLIGIBLE:.0%})",
+            "undecided": f"these tests do not decide whether {word} matters",
         }
-        ending = endings.get(self.verdict, f"{self.verdict} with {self.circumstance}")
+        ending = endings.get(self.verdict, f"{self.verdict} with {word}")
         if self.interval is None:
             compared = "more" if self.verdict.startswith("significant") else "no more"
             ending += (
@@ -105,28 +134,6 @@ class Effect:
                 f" chance, {compared} than the {UNLIKELY_SCATTER:.0%} that samples made alike may scatter by"
             )
         return f"{text}: {ending}."
-
-
-def rate_effect(tests: list[MaterialTest], scatter: Scatter | None = None) -> Effect:
-    """Return the effect of the strain rate, a straight line over its logarithm; first loadings are compared."""
-    rates = [_known(t, "rate_per_s") for t in tests]
-    return effect_of(tests, "strain rate", rates, "1/s", "decade of strain rate", scatter, np.log10)
-
-
-def ageing_effect(tests: list[MaterialTest], scatter: Scatter | None = None) -> Effect:
-    """Return the effect of the age [days] on the first loading."""
-    return effect_of(tests, "age", [_known(t, "age_days") for t in tests], "days", "day", scatter)
-
-
-def temperature_effect(tests: list[MaterialTest], scatter: Scatter | None = None) -> Effect:
-    """Return the effect of the temperature [degC] on the first loading."""
-    values = [_known(t, "temperature_C") for t in tests]
-    return effect_of(tests, "temperature", values, "degC", "kelvin", scatter)
-
-
-def dose_effect(tests: list[MaterialTest], scatter: Scatter | None = None) -> Effect:
-    """Return the effect of the number of treatments (irradiation, heat) on the first loading."""
-    return effect_of(tests, "treatment", [_known(t, "dose") for t in tests], "doses", "dose", scatter)
 
 
 @dataclass(frozen=True)
@@ -196,58 +203,41 @@ def log_stresses(tests: list[MaterialTest]) -> tuple[np.ndarray, tuple[float, fl
     return np.array(values), (min(ends), max(ends))
 
 
-def _known(test: MaterialTest, name: str) -> float:
-    value = getattr(test, name)
-    if value is None:
-        raise ValueError(f"{test.source} {test.sample}: {name} is not known; state it")
-    return float(value)
-
-
 def effect_of(
-    tests: list[MaterialTest],
-    circumstance: str,
-    values: list[float],
-    unit: str,
-    per: str,
-    scatter: Scatter | None = None,
-    scale=np.asarray,
+    circumstance: Circumstance, tests: list[MaterialTest], scatter: Scatter | None = None
 ) -> Effect:
-    """Return the effect of any circumstance with a number per test: a dose, a humidity, a mixing ratio."""
+    """Return the effect of a circumstance on the first loading of tests."""
+    values = np.array([circumstance.of(test) for test in tests])
     if len(tests) < 2 or np.ptp(values) == 0:
         raise ValueError(
-            f"{len(tests)} tests with {circumstance} {values}; two values that differ are needed"
+            f"{len(tests)} tests with {circumstance.word} {values.tolist()}; two values that differ are needed"
         )
     curves, stretch = log_stresses(tests)
-    x = scale(np.array(values, dtype=float))
-    span = (float(min(values)), float(max(values)))
-    effect = line_effect(
-        curves.mean(axis=1), x, circumstance, span, unit, per, stretch, tests[0].abscissa, scatter
-    )
+    effect = line_effect(circumstance, values, curves.mean(axis=1), stretch, tests[0].abscissa, scatter)
+    x = circumstance.scale(values)
     slopes = np.polyfit(x, curves[:, [0, -1]], 1)[0]
     lower, upper = np.expm1(slopes * np.ptp(x))
     return replace(effect, at_ends=(float(lower), float(upper)))
 
 
 def line_effect(
+    circumstance: Circumstance,
+    values: np.ndarray,
     y: np.ndarray,
-    x: np.ndarray,
-    circumstance: str,
-    span: tuple[float, float],
-    unit: str,
-    per: str,
     stretch: tuple[float, float],
     abscissa: str,
     scatter: Scatter | None = None,
     quantity: str = "nominal stress",
 ) -> Effect:
-    """Return the effect from the logarithm y (n,) of a quantity at the scaled circumstance x (n,)."""
+    """Return the effect from the logarithm y (n,) of a quantity at values (n,) of a circumstance."""
+    x = circumstance.scale(values)
     design = np.column_stack([np.ones(len(x)), x - x.mean()])
     beta, *_ = np.linalg.lstsq(design, y, rcond=None)
     reach, spread = float(np.ptp(x)), float(np.sqrt(np.sum((x - x.mean()) ** 2)))
-    own = len(y) - 2
-    if own > 0 and (scatter is None or scatter.freedom <= own):
+    freedom = len(y) - 2
+    if freedom > 0 and (scatter is None or scatter.freedom <= freedom):
         residual = y - design @ beta
-        scatter = Scatter(float(np.sqrt(residual @ residual / own)), own)
+        scatter = Scatter(float(np.sqrt(residual @ residual / freedom)), freedom)
     slope_interval = interval = None
     if scatter is not None:
         half = stats.t.ppf(0.5 + CONFIDENCE / 2, scatter.freedom) * scatter.deviation / spread
@@ -255,16 +245,14 @@ def line_effect(
         interval = (float(np.expm1((beta[1] - half) * reach)), float(np.expm1((beta[1] + half) * reach)))
     return Effect(
         circumstance,
-        span,
+        (float(values.min()), float(values.max())),
         float(np.expm1(beta[1] * reach)),
         interval,
-        per,
         float(np.expm1(beta[1])),
         slope_interval,
         len(y),
         stretch,
         float(abs(beta[1]) * spread / stats.norm.ppf(0.5 + CONFIDENCE / 2)),
-        unit,
         abscissa,
         quantity,
     )

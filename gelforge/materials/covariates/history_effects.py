@@ -6,26 +6,24 @@ import numpy as np
 
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.measured_effects import MeasuredEffect
+from gelforge.materials.basis.statistics import mean_of
 from gelforge.materials.covariates.circumstances import (
     alike_groups,
     alike_holds,
     common_hold,
     relaxation_by_circumstance,
 )
-from gelforge.materials.covariates.effects import first_loading
+from gelforge.materials.covariates.effects import NEGLIGIBLE, first_loading
 from gelforge.materials.covariates.hysteresis import (
-    NEGLIGIBLE,
     Loop,
     fit_ogden_roxburgh,
     loops,
-    reloading_softening,
     softening_between,
     softening_interval,
     softening_sentence,
     softening_verdict,
 )
-from gelforge.materials.covariates.relaxation import Relaxation, relaxation_of
-from gelforge.materials.small_tests.trials import mean_of
+from gelforge.materials.covariates.relaxation import ENDINGS, Relaxation, relaxation_of, relaxation_verdict
 
 LEAST_SAMPLES = 3  # whose scatter gives an interval that says something (Student's t of two is 12.7)
 BETWEEN_SAMPLES = "Student's t, scatter between specimens"
@@ -105,13 +103,8 @@ def _mean_relaxation(kind: str, held: list[tuple[MaterialTest, Relaxation]]) -> 
     mean = mean_of([fit.drop_between(begin, end) for _, fit in held])
     step = mean_of([fit.drop_at(end) for _, fit in held])
     low, high = mean.interval
-    verdict = (
-        "negligible" if high < NEGLIGIBLE else "significant relaxation" if low > NEGLIGIBLE else "undecided"
-    )
-    ending = {
-        "negligible": f"relaxation is negligible (below {NEGLIGIBLE:.0%})",
-        "undecided": f"whether relaxation exceeds {NEGLIGIBLE:.0%} is not decided",
-    }.get(verdict, verdict)
+    verdict = relaxation_verdict(mean.interval)
+    ending = ENDINGS.get(verdict, verdict)
     return MeasuredEffect(
         "relaxation",
         kind,
@@ -143,9 +136,9 @@ def cycle_effects(tests: list[MaterialTest]) -> Found:
         together = [closed] if len(closed) >= LEAST_SAMPLES else [[one] for one in closed]
         found += [_hysteresis(group[0].test, first) for first in together]
     for kind in dict.fromkeys(t.test for t in tests):
-        own = [t for t in tests if t.test == kind]
-        cycled = [t for t in own if any(s.kind == "unload" for s in t.segments)]
-        changes, names, reasons = _softenings(own, cycled)
+        of_kind = [t for t in tests if t.test == kind]
+        cycled = [t for t in of_kind if any(s.kind == "unload" for s in t.segments)]
+        changes, names, reasons = _softenings(of_kind, cycled)
         not_judged += [("softening", reason) for reason in reasons]
         if changes:
             found.append(_softening(kind, changes, names))
@@ -195,7 +188,7 @@ def _hysteresis(kind: str, first: list[tuple[MaterialTest, Loop]]) -> MeasuredEf
     )  # fmt: skip
 
 
-def _softenings(own: list[MaterialTest], cycled: list[MaterialTest]):
+def _softenings(of_kind: list[MaterialTest], cycled: list[MaterialTest]):
     """Return the change from the first to the second loading of each sample, its name, and what could not be compared.
 
     The two loadings are in one test, or in two files of one sample whose cycles are stated.
@@ -205,12 +198,12 @@ def _softenings(own: list[MaterialTest], cycled: list[MaterialTest]):
         if not (test.of_kind("load", 1) and test.of_kind("load", 2)):
             continue
         try:
-            changes.append(reloading_softening(test))
+            changes.append(softening_between(first_loading(test), test.of_kind("load", 2)[0]))
             names.append(test.sample)
         except ValueError as error:
             reasons.append(str(error))
-    first = {t.sample: t for t in own if t.cycle == 1 and t.history == "monotonic"}
-    for again in (t for t in own if t.cycle == 2 and t.history == "monotonic" and t.sample in first):
+    first = {t.sample: t for t in of_kind if t.cycle == 1 and t.history == "monotonic"}
+    for again in (t for t in of_kind if t.cycle == 2 and t.history == "monotonic" and t.sample in first):
         try:
             changes.append(softening_between(first_loading(first[again.sample]), first_loading(again)))
             names.append(again.sample)

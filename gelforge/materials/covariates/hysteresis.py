@@ -14,14 +14,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import least_squares
-from scipy.special import erf
 
 from gelforge.materials.basis.common_form import MaterialTest
-from gelforge.materials.covariates.effects import first_loading
-
-NEGLIGIBLE = 0.05
+from gelforge.materials.basis.statistics import mean_of
+from gelforge.materials.covariates.effects import NEGLIGIBLE
+from gelforge.mechanics.laws.softening import lost_share
 
 
 @dataclass(frozen=True)
@@ -81,10 +79,6 @@ class OgdenRoxburgh:
             f"{text}." if self.determined else f"{text}, but the data do not determine all three parameters."
         )
 
-    def softening(self, W, W_max):
-        """Return eta, any shape."""
-        return 1 - erf((W_max - W) / (self.m_MPa + self.beta * W_max)) / self.r
-
 
 def loops(test: MaterialTest) -> list[Loop]:
     """Return the cycles of a test that load and unload."""
@@ -95,10 +89,10 @@ def loops(test: MaterialTest) -> list[Loop]:
 
 
 def _loop(test: MaterialTest, cycle: int) -> Loop | None:
-    own = [s for s in test.segments if s.cycle == cycle]
-    if not any(s.kind == "load" for s in own):
+    segments = [s for s in test.segments if s.cycle == cycle]
+    if not any(s.kind == "load" for s in segments):
         return None
-    rows = np.arange(own[0].start, own[-1].stop)
+    rows = np.arange(segments[0].start, segments[-1].stop)
     strain = test.stretch[rows] - test.at_rest
     turn = int(np.argmax(np.abs(strain)))
     away = np.sign(strain[turn])
@@ -115,7 +109,7 @@ def _loop(test: MaterialTest, cycle: int) -> Loop | None:
         float(abs(lost[0] - lost[1]) / 3),  # the trapezoid rule is of second order
         residual,
         test.abscissa,
-        any(s.kind == "hold" for s in own),
+        any(s.kind == "hold" for s in segments),
     )
 
 
@@ -137,21 +131,11 @@ def _lost(strain, stress, turn, down, step) -> float:
     return (loaded - returned) / loaded
 
 
-def reloading_softening(test: MaterialTest, later: int = 2) -> float:
-    """Return the relative change of stress from the first to a later loading, over the first half of its range.
+def softening_between(first: MaterialTest, again: MaterialTest) -> float:
+    """Return the relative change of stress from one loading to another, over the first half of their range.
 
     Close to the largest stretch both meet again, whatever the damage.
     """
-    again = test.of_kind("load", later)
-    if not again or not test.of_kind("load", 1):
-        raise ValueError(
-            f"{test.source} {test.sample}: no loading in cycle 1 or {later}; softening needs both"
-        )
-    return softening_between(first_loading(test), again[0])
-
-
-def softening_between(first: MaterialTest, again: MaterialTest) -> float:
-    """Return the relative change of stress from one loading to another, over the first half of their range."""
     away = np.sign(first.stretch[-1] - first.at_rest)
     strains = [away * (c.stretch - c.at_rest) for c in (first, again)]
     low = max(strains[0].min(), strains[1].min(), 0.1 * strains[0].max())
@@ -165,10 +149,7 @@ def softening_between(first: MaterialTest, again: MaterialTest) -> float:
 
 def softening_interval(changes: list[float]) -> tuple[float, float] | None:
     """Return the 95 % interval (Student's t) of the mean change of several samples, None for one."""
-    if len(changes) < 2:
-        return None
-    half = stats.t.ppf(0.975, len(changes) - 1) * np.std(changes, ddof=1) / np.sqrt(len(changes))
-    return float(np.mean(changes) - half), float(np.mean(changes) + half)
+    return mean_of(changes).interval if len(changes) > 1 else None
 
 
 def softening_verdict(changes: list[float]) -> str:
@@ -181,12 +162,9 @@ def softening_verdict(changes: list[float]) -> str:
     return "significant softening" if interval[1] < 0 else "undecided"
 
 
-def softening_sentence(changes: list[float], later: int = 2) -> str:
+def softening_sentence(changes: list[float]) -> str:
     """Return the finding on softening (the changes of several samples) as a paper writes it."""
-    text = (
-        f"From the first to loading {later} the stress in the lower half of the range changes by"
-        f" {np.mean(changes):+.1%}"
-    )
+    text = f"From the first to loading 2 the stress in the lower half of the range changes by {np.mean(changes):+.1%}"
     interval = softening_interval(changes)
     if interval is None:
         return f"{text} in one sample: without repeats it is not known whether that exceeds their scatter."
@@ -214,7 +192,7 @@ def fit_ogden_roxburgh(tests: list[MaterialTest]) -> OgdenRoxburgh:
 
     def residual(theta):
         r, m, beta = 1 + np.exp(theta[0]), energy * np.exp(theta[1]), np.exp(theta[2])
-        return ((1 - erf((Wm - W) / (m + beta * Wm)) / r) * P0 - P) / largest
+        return ((1 - lost_share(W, Wm, m, beta) / r) * P0 - P) / largest
 
     starts = [
         (np.log(r - 1), np.log(m), np.log(b)) for r in (1.5, 3.0) for m in (0.05, 0.5) for b in (0.05, 0.5)

@@ -15,15 +15,32 @@ import numpy as np
 from scipy.optimize import least_squares, nnls
 
 from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.basis.statistics import percentile_interval, resampled
+from gelforge.materials.covariates.effects import NEGLIGIBLE
 
 BINS_PER_DECADE = 15  # rows are averaged in equal bins of log time: late, dense rows shall not decide alone
-TERMS_PER_DECADE = 2  # closer times cannot be distinguished (the kernel exp(-t/tau) is a decade wide)
+# Closer times cannot be distinguished: the kernel exp(-t/tau) is a decade wide (Baumgaertel & Winter 1989, one to two a
+# decade).
+TERMS_PER_DECADE = 2
 LEAST_POINTS = 8
 BIC_GAIN = (
     10.0  # one more term must lower Schwarz' criterion by this much ("very strong", Kass and Raftery 1995)
 )
 BOOTSTRAPS = 100
-NEGLIGIBLE = 0.05  # of the stress at the start of the hold
+
+
+ENDINGS = {  # of a sentence, by the verdict
+    "negligible": f"relaxation is negligible (below {NEGLIGIBLE:.0%})",
+    "undecided": f"whether relaxation exceeds {NEGLIGIBLE:.0%} is not decided",
+}
+
+
+def relaxation_verdict(drop: tuple[float, float]) -> str:
+    """Return "negligible", "undecided" or "significant relaxation" by the interval of the share of stress that is lost."""
+    low, high = drop
+    if high < NEGLIGIBLE:
+        return "negligible"
+    return "undecided" if low < NEGLIGIBLE else "significant relaxation"
 
 
 @dataclass(frozen=True)
@@ -83,15 +100,8 @@ class Relaxation:
 
     @property
     def verdict(self) -> str:
-        """Return "negligible", "undecided" or "significant relaxation"; noise of the hold, not scatter of samples."""
-        low, high = self.drop_interval
-        return (
-            "negligible"
-            if high < NEGLIGIBLE
-            else "undecided"
-            if low < NEGLIGIBLE
-            else "significant relaxation"
-        )
+        """Return the relaxation_verdict of the drop; noise of the hold, not scatter of samples."""
+        return relaxation_verdict(self.drop_interval)
 
     @property
     def sentence(self) -> str:
@@ -101,10 +111,8 @@ class Relaxation:
             f"Held at {self.abscissa} {self.stretch:.3g} for {self.hold_s[1]:.3g} s, the stress drops by {self.drop:.1%}"
             f" (95 % interval {low:.1%} to {high:.1%})"
         )
-        if self.verdict == "negligible":
-            return f"{text}: relaxation is negligible (below {NEGLIGIBLE:.0%})."
-        if self.verdict == "undecided":
-            return f"{text}: whether relaxation exceeds {NEGLIGIBLE:.0%} is not decided."
+        if self.verdict in ENDINGS:
+            return f"{text}: {ENDINGS[self.verdict]}."
         terms = f"{len(self.shares)} Prony term{'s' if len(self.shares) > 1 else ''}"
         return (
             f"{text}: significant relaxation, {terms} (rms {self.prony_rms:.2%}) against a power law"
@@ -144,7 +152,8 @@ def fit_relaxation(time_s, nominal_stress, stretch: float = np.nan, ramp_s: floa
     times = _chosen_times(time, stress, ramp_s)
     amplitudes, model = _prony(time, stress, times, ramp_s)
     power, log_fit = _power(time, stress)
-    draws = _bootstrap(time, stress, model, times, ramp_s, np.random.default_rng(seed))
+    again = resampled(model, stress - model, BOOTSTRAPS, np.random.default_rng(seed))
+    draws = np.array([_refitted(time, drawn, times, ramp_s) for drawn in again])
     P0 = amplitudes.sum()
     kept = amplitudes[1:] > 1e-6 * P0
     return Relaxation(
@@ -155,11 +164,11 @@ def fit_relaxation(time_s, nominal_stress, stretch: float = np.nan, ramp_s: floa
         times[kept],
         float(amplitudes[0] / P0),
         float(1 - model[-1] / model[0]),
-        _interval(draws[:, 0]),
-        _interval(draws[:, 1]),
+        percentile_interval(draws[:, 0]),
+        percentile_interval(draws[:, 1]),
         float(np.sqrt(np.mean((stress - model) ** 2)) / P0),
         float(-power[1]),
-        _interval(draws[:, 2]),
+        percentile_interval(draws[:, 2]),
         float(np.sqrt(np.mean((stress - log_fit) ** 2)) / P0),
         len(time),
         ramp_s=float(ramp_s),
@@ -249,21 +258,8 @@ def _power(time, stress) -> tuple[np.ndarray, np.ndarray]:
     return beta, np.exp(design @ beta)
 
 
-def _bootstrap(time, stress, model, times, ramp, rng) -> np.ndarray:
-    """Return (drop, g_inf, n) for resampled blocks of residuals (b, 3); neighbours in time stay together."""
-    residual = stress - model
-    n, block = len(time), max(1, round(len(time) ** (1 / 3)))
-    draws = []
-    for _ in range(BOOTSTRAPS):
-        starts = rng.integers(0, n, size=-(-n // block))
-        drawn = np.concatenate([np.arange(s, s + block) % n for s in starts])[:n]
-        again = model + residual[drawn]
-        amplitudes, fitted = _prony(time, again, _refined(time, again, times, ramp, evaluations=5), ramp)
-        exponent = -_power(time, again)[0][1] if (again > 0).all() else np.nan
-        draws.append((1 - fitted[-1] / fitted[0], amplitudes[0] / amplitudes.sum(), exponent))
-    return np.array(draws)
-
-
-def _interval(values) -> tuple[float, float]:
-    low, high = np.nanquantile(values, [0.025, 0.975])
-    return float(low), float(high)
+def _refitted(time, stress, times, ramp) -> tuple[float, float, float]:
+    """Return drop, g_inf and n of a hold, its relaxation times (k,) searched for near those that are known."""
+    amplitudes, fitted = _prony(time, stress, _refined(time, stress, times, ramp, evaluations=5), ramp)
+    exponent = -_power(time, stress)[0][1] if (stress > 0).all() else np.nan
+    return 1 - fitted[-1] / fitted[0], amplitudes[0] / amplitudes.sum(), exponent

@@ -73,8 +73,12 @@ def prediction_widths(
             theta = fit.theta if family is fit.family else problem.solve(family)
             admitted += _admitted(problem, family, theta, point)
         # NaN beyond the limiting stretch of the law itself
-        own = _stress(fit.family, point, fit.theta)
-        widths.append(PredictionWidth(case, stretch, own, min(own, *admitted), max(own, *admitted)))
+        fitted_stress = _stress(fit.family, point, fit.theta)
+        widths.append(
+            PredictionWidth(
+                case, stretch, fitted_stress, min(fitted_stress, *admitted), max(fitted_stress, *admitted)
+            )
+        )
     return widths
 
 

@@ -175,7 +175,15 @@ def write_law(path: str | Path, material: MaterialLaw) -> None:
 def read_law(path: str | Path) -> MaterialLaw:
     """Return the law of a law.json.
 
-    Raises LawFileError naming the file for one that is missing, damaged or of another format.
+    Parameters
+    ----------
+    path : path
+        A file that write_law has written.
+
+    Raises
+    ------
+    LawFileError
+        A file that is missing, damaged or of another format, by name, with the remedy.
     """
     path = Path(path)
     remedy = f"run the material stage again (snakemake -R {path})"

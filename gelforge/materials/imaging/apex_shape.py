@@ -36,11 +36,9 @@ class ApexShape:
     radius_mm: float  # of the conic where the outline is significantly no circle, else of the circle
     standard_error_mm: float
     circle_radius_mm: float
-    conic_radius_mm: float
     conic_constant: float  # k, 1 for a circle
     apex_px: tuple[float, float]  # x, y
     rms_px: float  # distance of the outline's points from the curve
-    outline_px: np.ndarray  # (n, 2) the points that were fitted
 
 
 def apex_shape(picture: np.ndarray, mm_per_px: float) -> ApexShape:
@@ -68,11 +66,9 @@ def apex_shape(picture: np.ndarray, mm_per_px: float) -> ApexShape:
         chosen[2] * mm_per_px,
         float(error * mm_per_px),
         circle[2] * mm_per_px,
-        conic[2] * mm_per_px,
         float(conic[3]),
         (float(chosen[0]), float(chosen[1])),
         rms,
-        near,
     )
 
 

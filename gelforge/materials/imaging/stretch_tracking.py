@@ -28,7 +28,8 @@ from gelforge.materials.imaging.plane_stretch import leading_direction, principa
 
 NORMALISATION_PATCHES = 0.2  # sigma of the local mean: the piece's edges must not reach the points near them
 MARGIN_PATCHES = 1.5  # of pulled-back picture around the window: what flow needs beyond the outermost points
-MOST_POINTS = 400  # of the grid: more of them overlap and add little
+# Of the grid: more of them overlap and add little (benchmarks/stretch_tracking.py prints error and speed).
+MOST_POINTS = 400
 PASSES = 6
 AT_REST_PX = 0.02  # change of the map after which another pass would change a stretch by less than 1e-3
 WINDOW_OF_STRIP = (0.45, 0.65)  # share of the textured area, along and across: away from clamps and edges
@@ -80,8 +81,7 @@ class StretchTrack:
     anchor: np.ndarray  # (n,) key frame that the frame was compared with
     lost: tuple[LostFrame, ...]
     window_px: tuple[float, float, float, float]  # x, y, width, height in the first frame
-    grid_px: np.ndarray  # (m, 2) the points in the first frame
-    grid_of_frame_px: np.ndarray  # (n, m, 2) and in every frame
+    grid_of_frame_px: np.ndarray  # (n, m, 2) the points in every frame
 
 
 def read_grey(path: str | Path) -> np.ndarray:
@@ -289,7 +289,6 @@ class _Tracker:
             np.array(self.anchors),
             tuple(self.lost),
             self.window,
-            self.grid,
             np.einsum("mt,ntk->nmk", self.grid_basis, maps),
         )
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.basis.statistics import row_noise
 
 WITHIN, WITHIN_ROWS = 0.01, (3, 50)  # of the rows, in which the stress falls: slower is softening
 GOES_ON = 5e-4  # of the range of strain, by which it grows meanwhile: else the specimen is held, and relaxes
@@ -50,8 +51,7 @@ def sudden_fall(strain: np.ndarray, stress: np.ndarray) -> Fall | None:
     size, n = np.abs(np.asarray(stress, float)), len(stress)
     if n < LEAST_ROWS or not np.isfinite(size).all():
         return None
-    bends = np.abs(size[1:-1] - (size[:-2] + size[2:]) / 2)
-    limit = max(LEAST_FALL * size.max(), NOISE * 1.4826 * float(np.median(bends)) / np.sqrt(1.5))
+    limit = max(LEAST_FALL * size.max(), NOISE * row_noise(size))
     rows = int(np.clip(np.ceil(WITHIN * n), *WITHIN_ROWS))
     ahead = np.min(sliding_window_view(np.append(size, np.full(rows, np.inf)), rows + 1), axis=1)
     for row in np.flatnonzero(size - ahead > limit).tolist():

@@ -11,6 +11,7 @@ import numpy as np
 
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.segments import TOLERANCE, largest_back_step
+from gelforge.materials.basis.statistics import row_noise
 from gelforge.materials.basis.stresses import neo_hookean_shape
 from gelforge.materials.plausibility.rest_force import rest_words
 
@@ -22,7 +23,7 @@ RATE_DIFFERS = 0.1  # relative
 RATE_SECTIONS = 10  # of a loading
 RATE_SPREAD = 1.5  # between the slow and the fast tenth of a loading
 INTERVAL_SPREAD = 3.0  # between the sampling intervals of one test
-LEFT_STRESS = 5e-3  # of the largest: the drift that a load cell of half a per cent may have
+LEFT_STRESS = 5e-3  # of the largest: the drift that a load cell of half a per cent may have (ISO 7500-1:2018, class 0.5)
 REST = 1e-3  # strain within which a row counts as being at rest
 PRELOAD_ROWS = 3  # that wait at one stretch before the ramp
 SIGMAS = 3.0  # an offset smaller than this many standard errors is noise
@@ -130,13 +131,6 @@ def rest_stress(test: MaterialTest) -> tuple[float, float] | None:
     if last > 1:
         return float(stress.mean()), float(stress.std(ddof=1) / np.sqrt(last))
     return float(stress.mean()), row_noise(test.nominal_stress)
-
-
-def row_noise(stress: np.ndarray) -> float:
-    """Return the standard deviation of one row about the line through its neighbours (robust), 0 for few rows."""
-    if len(stress) < 5:
-        return 0.0
-    return float(1.4826 * np.median(np.abs(stress[1:-1] - (stress[:-2] + stress[2:]) / 2)) / np.sqrt(1.5))
 
 
 def _moved(test: MaterialTest, shift: float) -> MaterialTest:

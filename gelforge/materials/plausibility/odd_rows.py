@@ -12,6 +12,7 @@ import numpy as np
 
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.basis.statistics import SIGMA_OF_MEDIAN, row_noise
 from gelforge.materials.plausibility.rest_force import rest_words
 
 SINGLE_SHARE = (
@@ -88,7 +89,8 @@ def check_rows(
     resting = strain <= AT_REST
     if resting.any():
         rest = float(np.median(test.nominal_stress[first.rows][resting]))
-        if abs(rest) > max(LEAST_REST_STRESS * stress.max(), 5 * _scatter(stress) / np.sqrt(resting.sum())):
+        error = row_noise(stress, LEAST_ROWS) / np.sqrt(resting.sum())
+        if abs(rest) > max(LEAST_REST_STRESS * stress.max(), 5 * error):
             raise TableError(
                 f"{path}: {rest * 1e3:.4g} kPa, {abs(rest) / stress.max():.0%} of the largest stress, at {test.abscissa}"
                 f" {test.at_rest:g}; {LEAST_REST_STRESS:.0%} at most are expected: {rest_words(test, rest)}, {remedy}"
@@ -100,14 +102,6 @@ def check_rows(
             f" {test.abscissa} {test.at_rest:g}; {REST_STRESS:.0%} at most are expected: check the columns;"
             f" {rest_words(test, unstrained * np.sign(np.median(test.nominal_stress[first.rows])))}, {remedy}"
         )
-
-
-def _scatter(stress: np.ndarray) -> float:
-    """Return the standard deviation of a row about the line through its neighbours (robust)."""
-    if len(stress) < LEAST_ROWS:
-        return 0.0
-    off = stress[1:-1] - (stress[:-2] + stress[2:]) / 2
-    return float(1.4826 * np.median(np.abs(off)) / np.sqrt(1.5))
 
 
 def _stress_at_rest(strain: np.ndarray, stress: np.ndarray) -> float:
@@ -146,7 +140,7 @@ def single_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     if len(stress) < LEAST_ROWS:
         return None
     off = stress[1:-1] - (stress[:-2] + stress[2:]) / 2
-    scatter = SIGMAS * 1.4826 * np.median(np.abs(off))
+    scatter = SIGMAS * SIGMA_OF_MEDIAN * np.median(np.abs(off))
     extent = np.quantile(stress, 0.95) - np.quantile(stress, 0.05)
     steady = np.abs(np.diff(np.sign(np.diff(stretch)))) == 0  # the stretch goes one way past the row
     agree = np.abs(stress[2:] - stress[:-2]) < np.abs(off)

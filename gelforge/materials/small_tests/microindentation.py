@@ -16,9 +16,12 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from gelforge.materials.basis.common_form import IndentationTest
+from gelforge.materials.basis.statistics import SIGMA_OF_MEDIAN, percentile_interval, resampled
 
+# Of an incompressible bonded layer (Dimitriadis et al. 2002, eq. 13).
 COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)
-LARGEST_CHI = 1.0  # Dimitriadis et al. compare with finite elements up to about here
+# Dimitriadis et al. 2002 compare with finite elements up to about here.
+LARGEST_CHI = 1.0
 LARGEST_DEPTH_TO_RADIUS = 0.3  # the parabola stands for the ball: Hertz is then off by less than 5 %
 LARGEST_GIVE = (
     0.7  # of the travel in contact; the sample's share is then the small difference of large numbers
@@ -38,10 +41,8 @@ class Modulus:
     youngs_modulus: float
     interval: tuple[float, float]
     contact_mm: float  # position at which the ball touches
-    contact_interval: tuple[float, float]
     force_at_rest_N: float
     largest_depth_mm: float
-    rms_N: float
     correction: float  # factor of the force at the largest depth by the finite thickness; 1 without
     warnings: tuple[str, ...]
 
@@ -84,7 +85,10 @@ def fit_modulus(
     contact, (rest, E), residual = _search(z, F, R, thickness_mm)
     depth = z - contact
     model = rest + E * _shape(depth, R, thickness_mm)
-    draws = _bootstrap(z, model, residual, R, thickness_mm, contact, np.random.default_rng(seed))
+    moduli = [
+        _refitted(z, again, R, thickness_mm, contact)
+        for again in resampled(model, residual, BOOTSTRAPS, np.random.default_rng(seed))
+    ]
     deepest = float(depth.max())
     if (depth > 0).mean() > AT_TOUCH:
         said.append(
@@ -93,12 +97,10 @@ def fit_modulus(
     said += _limits(test, deepest, R, thickness_mm, (depth > 0).sum(), machine, E)
     return Modulus(
         float(E),
-        _interval(draws[:, 0]),
+        percentile_interval(moduli),
         float(contact),
-        _interval(draws[:, 1]),
         float(rest),
         deepest,
-        float(np.sqrt(np.mean(residual**2))),
         float(layer_factor(deepest, R, thickness_mm)),
         tuple(said),
     )
@@ -147,7 +149,7 @@ def adhesion(approach: IndentationTest, withdrawal: IndentationTest, far_share: 
     far_out = withdrawal.force_N[withdrawal.position_mm <= np.quantile(withdrawal.position_mm, far_share)]
     before, after = float(np.median(far_in)), float(np.median(far_out))
     push = float(max(approach.force_N.max(), withdrawal.force_N.max())) - before
-    noise = float(1.4826 / np.sqrt(2) * np.median(np.abs(np.diff(far_in))))  # a slope is no noise
+    noise = float(SIGMA_OF_MEDIAN / np.sqrt(2) * np.median(np.abs(np.diff(far_in))))  # a slope is no noise
     half = len(far_out) // 2
     change = abs(np.median(far_out[:half]) - np.median(far_out[half:]))
     pull_off = after - float(withdrawal.force_N.min())
@@ -163,19 +165,19 @@ def _shape(depth, radius, thickness):
 
 def _search(z, F, radius, thickness):
     """Return the contact position, (force at rest, E) and residuals (n,) with the least squared error."""
-
-    def cost(contact):
-        _, residual = _linear(z, F, contact, radius, thickness)
-        return residual @ residual
-
     inner = np.sort(z)[3:-LEAST_ROWS]
     if len(inner) < 3:
         raise ValueError(f"{len(z)} rows; {3 + LEAST_ROWS + 3} at least, before and in contact, are needed")
     before = z.min() - BEFORE_START * np.ptp(z)
     grid = np.linspace(before, inner[-1], 84)
-    best = int(np.argmin([cost(c) for c in grid]))
+    best = int(np.argmin([_cost(z, F, contact, radius, thickness) for contact in grid]))
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    found = minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-6 * np.ptp(z)}).x
+    found = minimize_scalar(
+        lambda contact: _cost(z, F, contact, radius, thickness),
+        bounds=(low, high),
+        method="bounded",
+        options={"xatol": 1e-6 * np.ptp(z)},
+    ).x
     beta, residual = _linear(z, F, found, radius, thickness)
     if best == 0 or not beta[1] > 0:
         raise ValueError(
@@ -189,6 +191,12 @@ def _linear(z, F, contact, radius, thickness):
     design = np.column_stack([np.ones(len(z)), _shape(z - contact, radius, thickness)])
     beta, *_ = np.linalg.lstsq(design, F, rcond=None)
     return beta, F - design @ beta
+
+
+def _cost(z, F, contact, radius, thickness) -> float:
+    """Return the sum of squared residuals of the best layer that begins at a contact position."""
+    residual = _linear(z, F, contact, radius, thickness)[1]
+    return residual @ residual
 
 
 def _give(machine: IndentationTest, force) -> np.ndarray:
@@ -213,28 +221,15 @@ def _give(machine: IndentationTest, force) -> np.ndarray:
     return np.interp(known, np.r_[0, push], np.r_[0, way - touch], left=0.0)
 
 
-def _bootstrap(z, model, residual, radius, thickness, contact, rng) -> np.ndarray:
-    """Return (E, contact) of refits to resampled blocks of residuals (b, 2); neighbours stay together."""
-    n, block = len(z), max(1, round(len(z) ** (1 / 3)))
+def _refitted(z, F, radius, thickness, contact) -> float:
+    """Return Young's modulus of forces F (n,), the contact point searched for near the one that is known."""
     width = 0.05 * np.ptp(z)
-    draws = []
-    for _ in range(BOOTSTRAPS):
-        starts = rng.integers(0, n, size=-(-n // block))
-        drawn = np.concatenate([np.arange(s, s + block) % n for s in starts])[:n]
-        F = model + residual[drawn]
-
-        def cost(c, F=F):
-            r = _linear(z, F, c, radius, thickness)[1]
-            return r @ r
-
-        c = minimize_scalar(cost, bounds=(contact - width, contact + width), method="bounded").x
-        draws.append((_linear(z, F, c, radius, thickness)[0][1], c))
-    return np.array(draws)
-
-
-def _interval(values) -> tuple[float, float]:
-    low, high = np.quantile(values, [0.025, 0.975])
-    return float(low), float(high)
+    found = minimize_scalar(
+        lambda at: _cost(z, F, at, radius, thickness),
+        bounds=(contact - width, contact + width),
+        method="bounded",
+    )
+    return _linear(z, F, found.x, radius, thickness)[0][1]
 
 
 def _limits(test, deepest, radius, thickness, rows, machine, E) -> list[str]:

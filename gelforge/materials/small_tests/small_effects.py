@@ -8,19 +8,18 @@ import numpy as np
 
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest
 from gelforge.materials.basis.measured_effects import MeasuredEffect
+from gelforge.materials.basis.statistics import Mean, mean_of
 from gelforge.materials.small_tests.microindentation import adhesion, fit_modulus
 from gelforge.materials.small_tests.trials import (
     FRICTION,
-    Mean,
     by_place,
     gain_mismatch,
-    mean_of,
     pressed_pairs,
 )
 
 T_INTERVAL = "Student's t over the trials"
 SIGMAS = 2.0  # of a 95 % interval
-# Of the largest force of an indentation: as much as load cells of one per cent are off anyway.
+# Of the largest force of an indentation: as much as load cells of class 1 may be off (ISO 7500-1:2018).
 NOTABLE_OFFSET = 0.01
 
 

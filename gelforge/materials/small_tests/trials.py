@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy import stats
 
 from gelforge.csv_table import TableError, read_csv
 from gelforge.materials.basis.common_form import ForcePair
+from gelforge.materials.basis.statistics import Mean, mean_of
 
 FRICTION, THICKNESS = "friction.csv", "thickness.csv"  # files of a folder
 TILT_DEG = (1.6, 80.0)  # radians end at pi / 2 = 1.571; a friction of 0.028 is no elastomer's
@@ -17,30 +17,6 @@ THICKNESS_MM = (0.02, 15.0)  # a sheet of 20 um in um, and one of 15 mm in m, fa
 LEAST_TRIALS = 3
 LEAST_ROWS_OF_PRESS = 5
 LEAST_RISE = 0.5  # of the largest force of an indentation
-
-
-@dataclass(frozen=True)
-class Mean:
-    """A mean with its 95 % interval (Student's t) and the scatter of single values."""
-
-    value: float
-    interval: tuple[float, float]
-    deviation: float
-    count: int
-
-    @property
-    def standard_error(self) -> float:
-        """Return the standard error of the mean."""
-        return self.deviation / np.sqrt(self.count)
-
-
-def mean_of(values) -> Mean:
-    """Return the mean of at least two values with its interval."""
-    values = np.asarray(values, dtype=float)
-    deviation = float(values.std(ddof=1))
-    half = stats.t.ppf(0.975, len(values) - 1) * deviation / np.sqrt(len(values))
-    mean = float(values.mean())
-    return Mean(mean, (float(mean - half), float(mean + half)), deviation, len(values))
 
 
 def static_friction(path: str | Path) -> Mean:

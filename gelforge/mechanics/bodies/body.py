@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from gelforge.mechanics.bodies.kernels import ASSEMBLE
+from gelforge.mechanics.bodies.kernels import ASSEMBLE, Assembled, Elements, StepMemory
 from gelforge.mechanics.laws.law import NEAREST_LIMIT, PrincipalLaw
 from gelforge.mechanics.laws.points import point_constants, point_number
 from gelforge.mechanics.linear.sparsity import Pattern, build_pattern
@@ -18,12 +18,6 @@ from gelforge.mechanics.meshes.mesh import Mesh
 
 LEAST_J = 0.05  # an iterate in which a point keeps less of its volume is shortened
 NO_TANGENT = np.empty(0)
-NO_MEMORY = (
-    np.empty(0),
-    np.empty((0, 0, 6)),
-    np.empty((0, 0)),
-    np.empty((0, 3)),
-)  # gain, frozen, peak, softening
 
 
 @dataclass(frozen=True)
@@ -63,7 +57,7 @@ class Body:
     gradient: np.ndarray  # (E, Q, A, 3) [1/mm] dN/dX at the points
     weight: np.ndarray  # (E, Q) [mm^3]
     pattern: Pattern
-    _memory: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] = NO_MEMORY
+    _memory = StepMemory()
 
     def __init__(
         self,
@@ -88,7 +82,7 @@ class Body:
         pattern = pattern or (like.pattern if like is not None else None)
         self.pattern = pattern or build_pattern(mesh.elements, mesh.fixed, mesh.ties)
         self._assemble = ASSEMBLE[mesh.elements.shape[1]]
-        self._assembled = None if self.pattern.condense is None else np.empty(self.pattern.assembled)
+        self._assembled = np.empty(0 if self.pattern.condense is None else self.pattern.assembled)
         by_region = [laws[name] for name in mesh.regions]
         self.law = np.array([point_number(law) for law in by_region])
         self.constants = point_constants(by_region)
@@ -113,9 +107,9 @@ class Body:
         J = np.linalg.det(F)
         if not J > 0:
             raise ValueError(f"prestretch of {self.mesh.regions[region]} has det F = {J:g}; > 0 is needed")
-        own = self.mesh.region == region
-        self.gradient[own] = self.gradient[own] @ F
-        self.weight[own] /= J
+        inside = self.mesh.region == region
+        self.gradient[inside] = self.gradient[inside] @ F
+        self.weight[inside] /= J
         self.rest[region] = F
 
     def deformation_gradient(self, u: np.ndarray) -> np.ndarray:
@@ -131,26 +125,28 @@ class Body:
     def response(self, u: np.ndarray, pressure: np.ndarray, tangent: np.ndarray = NO_TANGENT) -> Response:
         """Return the response at u (N, 3) [mm] and pressure (E,) [MPa]; fill tangent (nnz,) unless it is empty."""
         E, N = len(self.mesh.elements), len(self.mesh.X)
-        f_mixed, f_condensed = np.empty((N, 3)), np.empty((N, 3))
-        p_volume, coupling = np.empty(E), np.empty((*self.mesh.elements.shape, 3))
         condense = self.pattern.condense if len(tangent) else None
-        energy, smallest_J, extension = self._assemble(
-            self.gradient, self.weight, self.mesh.elements, self.mesh.region, u, pressure, self.law, self.constants,
-            self.stiffness, self.element_bulk, self.local_bulk, self.rest, self.pattern.element_slots, *self._memory,
-            tangent if condense is None else self._assembled, f_mixed, f_condensed, p_volume, coupling,
+        elements = Elements(
+            self.gradient, self.weight, self.mesh.elements, self.mesh.region, self.law, self.constants, self.stiffness,
+            self.element_bulk, self.local_bulk, self.rest, self.pattern.element_slots,
         )  # fmt: skip
+        values = tangent if condense is None else self._assembled
+        out = Assembled(
+            values, np.empty((N, 3)), np.empty((N, 3)), np.empty(E), np.empty((*self.mesh.elements.shape, 3))
+        )
+        energy, smallest_J, extension = self._assemble(elements, u, pressure, self._memory, out)
         if condense is not None:
             tangent[:] = condense @ self._assembled
-        f_mixed, f_condensed = self.gathered(f_mixed), self.gathered(f_condensed)
-        return Response(f_mixed, f_condensed, p_volume, coupling, energy, smallest_J, extension)
+        f_mixed, f_condensed = self.gathered(out.f_mixed), self.gathered(out.f_condensed)
+        return Response(f_mixed, f_condensed, out.p_volume, out.coupling, energy, smallest_J, extension)
 
     def part(self, elements: np.ndarray, mesh: Mesh) -> Body:
         """Return some elements (n,) of the body by themselves, for responses without tangent; mesh: theirs alone."""
-        own = copy.copy(self)
-        own.mesh = mesh
+        some = copy.copy(self)
+        some.mesh = mesh
         for name in ("gradient", "weight", "stiffness", "element_bulk", "local_bulk", "element_volume"):
-            setattr(own, name, np.ascontiguousarray(getattr(self, name)[elements]))
-        return own
+            setattr(some, name, np.ascontiguousarray(getattr(self, name)[elements]))
+        return some
 
     def gathered(self, force: np.ndarray) -> np.ndarray:
         """Return nodal forces (N, 3) with those of hanging nodes handed to the nodes they hang between."""

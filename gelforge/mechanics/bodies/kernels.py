@@ -16,6 +16,7 @@ The NumPy twins are the laws (point level) and the tests' element loop.
 from __future__ import annotations
 
 from math import exp, log, sqrt
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
@@ -24,10 +25,15 @@ from gelforge.mechanics.bodies import layout, node_sums, point_stress
 from gelforge.mechanics.bodies.layout import (
     DEFORMATION,
     DIRECTIONS,
+    ENERGY,
     GRADIENT,
+    LARGEST,
     MODULUS,
+    PRESSURE,
     RATIO,
+    SMALLEST,
     SQUARE,
+    STIFF,
     STRESS,
     SUMS,
     TOTAL,
@@ -35,6 +41,7 @@ from gelforge.mechanics.bodies.layout import (
     load3,
     load6,
     load9,
+    moved_at,
     rooms,
     store3,
     store6,
@@ -72,6 +79,41 @@ SMALLEST_J = 1e-3  # guards powers of J while an iterate is inverted; such an it
 CODE = fingerprint(*(str(module.__file__) for module in (lanes, layout, node_sums, point_stress)))
 
 
+class Elements(NamedTuple):
+    """The elements of a body, A nodes and Q points each, and what they are made of."""
+
+    gradient: np.ndarray  # (E, Q, A, 3) [1/mm]
+    weight: np.ndarray  # (E, Q) [mm^3]
+    nodes: np.ndarray  # (E, A)
+    region: np.ndarray  # (E,)
+    law: np.ndarray  # (R,) and constants (R, C) of the point routines
+    constants: np.ndarray
+    stiffness: np.ndarray  # (E,) factor on the law
+    bulk: np.ndarray  # (E,) [MPa]
+    local_bulk: np.ndarray  # (E,) [MPa] the part of it at the points
+    rest: np.ndarray  # (R, 3, 3) F at u = 0
+    slots: np.ndarray  # (E, pairs, 3) as Pattern.element_slots
+
+
+class StepMemory(NamedTuple):
+    """What the points remember in a step; not read by a kernel without memory."""
+
+    gain: np.ndarray = np.empty(0)  # (R,) on the law's stress
+    frozen: np.ndarray = np.empty((0, 0, 6))  # (E, Q, 6) [MPa] material stresses in addition to it
+    peak: np.ndarray = np.empty((0, 0))  # (E, Q) [MPa] the largest energy density so far
+    softening: np.ndarray = np.empty((0, 3))  # (R, 3) = amount, m [MPa], beta
+
+
+class Assembled(NamedTuple):
+    """What `assemble` fills."""
+
+    tangent: np.ndarray  # (nnz,) upper CSR values of the condensed tangent; left alone if of length 0
+    f_mixed: np.ndarray  # (N, 3) [N] internal force with the given pressure
+    f_condensed: np.ndarray  # (N, 3) [N] the same with p_volume
+    p_volume: np.ndarray  # (E,) [MPa] = K (theta - 1)
+    coupling: np.ndarray  # (E, A, 3) = dv/du [mm^2]
+
+
 @nb.njit(**ONCE)
 def _blocks(region, regions):
     """Return the elements (B LANES,) by blocks of one region each, and the number of elements (B,) of each block.
@@ -103,12 +145,12 @@ def _take3(numbers, starts, k):
 
 
 @nb.njit(**ONCE)
-def _deform(room, at, moved, slopes, gradients, k, rest, w, NODES):
-    """Fill J, w, F, F F^T and the spatial gradients of a point at `at`; return det F.
+def _deform(room, at, moved, slopes, gradients, k, rest, NODES):
+    """Fill J, F, F F^T and the spatial gradients of a point at `at`, whose volume is known; return det F.
 
-    moved: the nodes' displacements in the room; gradients[slopes + k]: dN/dX; w: the point's volumes.
+    moved: the nodes' displacements in the room; gradients[slopes + k]: dN/dX.
     """
-    none = 0.0 * w
+    none = 0.0 * load(room, at + VOLUME)
     f00, f01, f02 = rest[0, 0] + none, rest[0, 1] + none, rest[0, 2] + none
     f10, f11, f12 = rest[1, 0] + none, rest[1, 1] + none, rest[1, 2] + none
     f20, f21, f22 = rest[2, 0] + none, rest[2, 1] + none, rest[2, 2] + none
@@ -131,7 +173,6 @@ def _deform(room, at, moved, slopes, gradients, k, rest, w, NODES):
         g = c00 * x + c01 * y + c02 * z, c10 * x + c11 * y + c12 * z, c20 * x + c21 * y + c22 * z
         store3(room, at + GRADIENT + 3 * a, g)
     store(room, at + RATIO, J)
-    store(room, at + VOLUME, w)
     store9(room, at + DEFORMATION, (f00, f01, f02, f10, f11, f12, f20, f21, f22))
     normal = (
         f00 * f00 + f01 * f01 + f02 * f02,
@@ -148,19 +189,20 @@ def _deform(room, at, moved, slopes, gradients, k, rest, w, NODES):
 
 
 @nb.njit(**ONCE)
-def _points(room, moved, order, first, gradients, weights, rest, NODES, POINTS):
+def _points(room, order, first, gradients, weights, rest, NODES, POINTS):
     """Fill J, w, F, principal axes and spatial gradients of a block's points; return its V, v [mm^3] and smallest det F.
 
-    moved: the nodes' displacements in the room; order[first:]: the block's elements; rest (3, 3): F at u = 0.
+    order[first:]: the block's elements, whose displacements are in the room; rest (3, 3): F at u = 0.
     """
-    stride = GRADIENT + 3 * NODES
+    stride, moved = GRADIENT + 3 * NODES, moved_at(NODES, POINTS)
     points = starts_at(order, IN_ORDER, first, POINTS)
     slopes = starts_at(order, IN_ORDER, first, POINTS * NODES * 3)
     V0 = 0.0 * load(room, moved)
     v, least = V0, V0 + 1e300
     for q in range(POINTS):
         w = take(weights, points, q)
-        J = _deform(room, q * stride, moved, slopes, gradients, q * NODES * 3, rest, w, NODES)
+        store(room, q * stride + VOLUME, w)
+        J = _deform(room, q * stride, moved, slopes, gradients, q * NODES * 3, rest, NODES)
         V0, v, least = V0 + w, v + J * w, min(least, J)
     for q in range(POINTS):
         square, n0, n1, n2 = eigen(*load6(room, q * stride + SQUARE))
@@ -181,23 +223,16 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool, CODE: int = C
     GROWTH, FORCE, REST = MOVED + 3 * NODES, MOVED + 6 * NODES, MOVED + 9 * NODES
 
     @nb.njit(cache=True, fastmath=FAST, error_model="numpy")
-    def assemble(
-        gradient, weight, elements, region, u, pressure, law, constants, stiffness, bulk, local_bulk, rest, slots,
-        gain, frozen, peak, softening, data, f_mixed, f_condensed, p_volume, coupling,
-    ):  # fmt: skip
+    def assemble(body, u, pressure, memory, out):
         """Assemble a mean-dilatation body; return energy [mJ], smallest J, largest extension over its limit.
 
-        In, with A nodes and Q points: gradient (E, Q, A, 3) [1/mm], weight (E, Q) [mm^3], elements (E, A), region (E,),
-        u (N, 3) [mm], pressure (E,) [MPa] in force, law (R,) and constants (R, C) of the point routines, stiffness (E,)
-        factor on the law, bulk (E,) [MPa], local_bulk (E,) the part of it at the points, rest (R, 3, 3) F at u = 0, slots
-        (E, pairs, 3) as Pattern.element_slots; with memory: gain (R,) on the law's stress in this step, frozen (E, Q, 6)
-        [MPa] material stresses beside it, peak (E, Q) [MPa] the largest energy density so far,
-        softening (R, 3) = amount, m [MPa], beta. The energy is without gain and frozen stress.
-        Out: data (nnz,) upper CSR values of the condensed tangent, left alone if
-        of length 0; f_mixed (N, 3) [N] internal force with the given pressure; f_condensed (N, 3) the same with p_volume;
-        p_volume (E,) = K (theta - 1); coupling (E, A, 3) = dv/du [mm^2].
+        body: Elements; u (N, 3) [mm]; pressure (E,) [MPa] in force; memory: StepMemory, whose gain and frozen stress are not
+        in the energy; out: Assembled, which is filled.
         """
         _ = CODE
+        gradient, weight, elements, region, law, constants, stiffness, bulk, local_bulk, rest, slots = body
+        gain, frozen, peak, softening = memory
+        data, f_mixed, f_condensed, p_volume, coupling = out
         tangent = data.shape[0] > 0
         room, bent = rooms(REST + 5, SUMS * POINTS + 9 * NODES)
         gradients, weights, nodes, places = gradient.ravel(), weight.ravel(), elements.ravel(), u.ravel()
@@ -216,7 +251,7 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool, CODE: int = C
                 store3(room, MOVED + 3 * a, _take3(places, starts_at(nodes, corners, a, 3), 0))
             own, points = starts_at(order, IN_ORDER, first, 1), starts_at(order, IN_ORDER, first, POINTS)
             p, bulks, factor = take(pressure, own, 0), take(bulk, own, 0), take(stiffness, own, 0)
-            V0, v, least = _points(room, MOVED, order, first, gradients, weights, before, NODES, POINTS)
+            V0, v, least = _points(room, order, first, gradients, weights, before, NODES, POINTS)
             most = 0.0 * V0
             swelling = v / V0 - 1.0
             own_pressure = bulks * swelling
@@ -267,30 +302,27 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool, CODE: int = C
                 store6(room, at + MODULUS + 15, scaled(w, D[15:]))
                 store6(room, at + TOTAL, with_mean(tau, w * J * p))
             forces(room, FORCE, GROWTH, NODES, POINTS)
-            store3(room, REST, (own_pressure, spent, least))
-            store(room, REST + 3, most)
-            store(room, REST + 4, (bulks - kappa) / V0)
+            store3(room, REST + PRESSURE, (own_pressure, spent, least))
+            store(room, REST + LARGEST, most)
+            store(room, REST + STIFF, (bulks - kappa) / V0)
             for lane in range(filled[block]):
-                e, each, k = order[first + lane], lane // PART, lane % PART
-                given, p_volume[e] = pressure[e], room[each, REST * PART + k]
-                energy += room[each, (REST + 1) * PART + k]
-                smallest = min(smallest, room[each, (REST + 2) * PART + k])
-                largest = max(largest, room[each, (REST + 3) * PART + k])
+                e, half, k = order[first + lane], lane // PART, lane % PART
+                given, p_volume[e] = pressure[e], room[half, (REST + PRESSURE) * PART + k]
+                energy += room[half, (REST + ENERGY) * PART + k]
+                smallest = min(smallest, room[half, (REST + SMALLEST) * PART + k])
+                largest = max(largest, room[half, (REST + LARGEST) * PART + k])
                 for a in range(NODES):
                     n = elements[e, a]
                     for i in range(3):
-                        growth = room[each, (GROWTH + 3 * a + i) * PART + k]
-                        force = room[each, (FORCE + 3 * a + i) * PART + k]
+                        growth = room[half, (GROWTH + 3 * a + i) * PART + k]
+                        force = room[half, (FORCE + 3 * a + i) * PART + k]
                         coupling[e, a, i] = growth
                         f_mixed[n, i] += force + given * growth
                         f_condensed[n, i] += force + p_volume[e] * growth
             if tangent:
-                for each in range(PARTS):
-                    owners = order[first + each * PART : first + min((each + 1) * PART, filled[block])]
-                    part = room[each]
-                    add_tangent(
-                        part, bent, GROWTH, load(part, REST + 4), owners, elements, slots, data, NODES, POINTS
-                    )
+                for half in range(PARTS):
+                    owners = order[first + half * PART : first + min((half + 1) * PART, filled[block])]
+                    add_tangent(room[half], bent, owners, elements, slots, data, NODES, POINTS)
         return energy, smallest, largest
 
     return assemble

@@ -6,19 +6,31 @@ ends with the gradients of its nodes.
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numba as nb
 import numpy as np
 
 from gelforge.mechanics.laws.lanes import LANES, ONCE, PART, PARTS, load, store
 
-# Where the quantities of a point lie among its lanes; those of an element follow those of its points.
+# Where the quantities of a point lie among its lanes, by their sizes; those of an element follow those of its points.
 (
     RATIO, VOLUME,  # J; w, then w J
     DEFORMATION, SQUARE, DIRECTIONS,  # F (9,); F F^T (6,), then its eigenvalues (3,); eigenvectors (9,)
     STRESS, TOTAL, MODULUS,  # Kirchhoff, without and with the element's pressure, and its spatial modulus, times w
     GRADIENT,  # (A, 3), spatial
-) = 0, 1, 2, 11, 17, 26, 32, 38, 59  # fmt: skip
+) = accumulate((1, 1, 9, 6, 9, 6, 6, 21), initial=0)  # fmt: skip
 SUMS = 24  # places of a point's modulus times the gradient of a node, before the blocks of the tangent
+# What belongs to the elements, after the records of their points: u (A, 3), dv/du (A, 3), forces (A, 3), then these numbers.
+PRESSURE, ENERGY, SMALLEST, LARGEST, STIFF = range(
+    5
+)  # K (theta - 1); energy; det F; extension; (K - kappa) / V
+
+
+@nb.njit(inline="always")
+def moved_at(NODES, POINTS):
+    """Return where the displacements (A, 3) of the nodes lie; dv/du, forces and the elements' numbers follow."""
+    return POINTS * (GRADIENT + 3 * NODES)
 
 
 @nb.njit(inline="always")

@@ -19,11 +19,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import erf
 
 from gelforge.mechanics.bodies.body import Body
-from gelforge.mechanics.bodies.kernels import ASSEMBLE_WITH_MEMORY
+from gelforge.mechanics.bodies.kernels import ASSEMBLE_WITH_MEMORY, StepMemory
 from gelforge.mechanics.laws.law import DEVIATOR
+from gelforge.mechanics.laws.softening import lost_share
 
 PAIRS = np.array(
     [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]]
@@ -120,7 +120,7 @@ class RememberingBody(Body):
                 decay[region, k][:, None, None] * h - half[region, k][:, None, None] * memory.stress
             )
         self._step = memory, time, decay, half
-        self._memory = gain, frozen, memory.peak, self.softening
+        self._memory = StepMemory(gain, frozen, memory.peak, self.softening)
 
     def remember(self, u: np.ndarray) -> Memory:
         """Return the memory at the end of the present step, at the equilibrium u (N, 3) [mm]."""
@@ -140,11 +140,11 @@ class RememberingBody(Body):
         lam = lam / np.cbrt(lam.prod(axis=-1, keepdims=True))
         energy, beta = np.empty(lam.shape[:-1]), np.empty_like(lam)
         for r, name in enumerate(self.mesh.regions):
-            own = self.mesh.region == r
-            energy[own] = self.laws[name].principal_energy(lam[own])
-            beta[own] = self.laws[name].principal_stress(lam[own]) @ DEVIATOR
+            inside = self.mesh.region == r
+            energy[inside] = self.laws[name].principal_energy(lam[inside])
+            beta[inside] = self.laws[name].principal_stress(lam[inside]) @ DEVIATOR
         amount, m, share = (c[self.mesh.region][:, None] for c in self.softening.T)
-        eta = 1 - amount * erf(np.maximum(peak - energy, 0) / (m + share * peak))
+        eta = 1 - amount * lost_share(energy, peak, m, share)
         principal = eta[..., None] * beta / lam**2  # of F_bar^-1 tau F_bar^-T, along the rows of Vt
         S = np.einsum("eqa,eqai,eqaj->eqij", principal, Vt, Vt, optimize=True)
         return np.ascontiguousarray(S[..., PAIRS[:, 0], PAIRS[:, 1]]), energy

@@ -10,12 +10,14 @@ import numba as nb
 from gelforge.mechanics.bodies.layout import (
     GRADIENT,
     MODULUS,
+    STIFF,
     STRESS,
     SUMS,
     TOTAL,
     VOLUME,
     load3,
     load6,
+    moved_at,
     store3,
     store6,
     store9,
@@ -73,8 +75,8 @@ def _bend(room, at, node, bent, k):
 
 
 @nb.njit(**ONCE)
-def _node_block(room, bent, growth, stiff, a, c, at, NODES, POINTS):
-    """Fill the block dF_ai / du_cm (3, 3) of two nodes at `at` of `bent`, which holds the sums of node c."""
+def _node_block(room, bent, growth, stiff, a, c, NODES, POINTS):
+    """Fill the block dF_ai / du_cm (3, 3) of two nodes in `bent`, which holds the sums of node c before the blocks."""
     cx, cy, cz = load3(room, growth + 3 * c)
     ax, ay, az = load3(room, growth + 3 * a)
     ax, ay, az = stiff * ax, stiff * ay, stiff * az
@@ -92,7 +94,7 @@ def _node_block(room, bent, growth, stiff, a, c, at, NODES, POINTS):
         k20 = k20 + x * load(bent, k + 22) + y * load(bent, k + 11) + z * load(bent, k + 17)
         k21 = k21 + x * load(bent, k + 5) + y * load(bent, k + 23) + z * load(bent, k + 18)
         k22 = k22 + x * load(bent, k + 19) + y * load(bent, k + 20) + z * load(bent, k + 21)
-    store9(bent, at, (k00, k01, k02, k10, k11, k12, k20, k21, k22))
+    store9(bent, SUMS * POINTS + 9 * a, (k00, k01, k02, k10, k11, k12, k20, k21, k22))
 
 
 @nb.njit(**ONCE)
@@ -120,12 +122,14 @@ def _add_blocks(bent, first, lane, c, e, elements, slots, data):
 
 
 @nb.njit(**ONCE)
-def add_tangent(room, bent, growth, stiff, owners, elements, slots, data, NODES, POINTS):
+def add_tangent(room, bent, owners, elements, slots, data, NODES, POINTS):
     """Add the tangents of the elements `owners` (n,), those of one part of the room, to data (nnz,)."""
+    growth = moved_at(NODES, POINTS) + 3 * NODES
+    stiff = load(room, growth + 6 * NODES + STIFF)
     for c in range(NODES):
         for q in range(POINTS):
             _bend(room, q * (GRADIENT + 3 * NODES), c, bent, SUMS * q)
         for a in range(c + 1):
-            _node_block(room, bent, growth, stiff, a, c, SUMS * POINTS + 9 * a, NODES, POINTS)
+            _node_block(room, bent, growth, stiff, a, c, NODES, POINTS)
         for lane in range(owners.shape[0]):
             _add_blocks(bent, SUMS * POINTS, lane, c, owners[lane], elements, slots, data)

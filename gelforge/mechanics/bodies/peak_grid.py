@@ -52,8 +52,8 @@ class PeakGrid:
         """Return the peaks (E, Q) [MPa] at quadrature points (E, Q, 3) [mm] of elements of these regions (E,)."""
         peak = np.zeros(points.shape[:2])
         for name, box in self.boxes.items():
-            own = region == regions.index(name)
-            peak[own] = box.at(points[own].reshape(-1, 3)).reshape(-1, points.shape[1])
+            inside = region == regions.index(name)
+            peak[inside] = box.at(points[inside].reshape(-1, 3)).reshape(-1, points.shape[1])
         return peak
 
     def updated(
@@ -71,8 +71,8 @@ class PeakGrid:
         """
         boxes = {}
         for name, box in self.boxes.items():
-            own = region == regions.index(name)
-            more = _continued(points[own], (after - before)[own], box.points)
+            inside = region == regions.index(name)
+            more = _continued(points[inside], (after - before)[inside], box.points)
             boxes[name] = replace(box, values=box.values + more.reshape(box.values.shape))
         return PeakGrid(boxes)
 

@@ -15,49 +15,83 @@ near the solution the unsymmetric derivative, in which the limit follows the con
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
+from numba.extending import register_jitable
 
-OPEN, STICK, SLIP = 0, 1, 2
+OPEN, STICK, SLIP = range(3)
 
 
-@nb.njit(cache=True)
+class ContactNodes(NamedTuple):
+    """What the contact forces of S surface nodes follow from."""
+
+    gap: np.ndarray  # (S,) [mm] that is to be closed
+    normal: np.ndarray  # (S, 3) from the indenter into the body
+    turn: np.ndarray  # (S, 3, 3) = dn/dx [1/mm]
+    slip: np.ndarray  # (S, 3) motion relative to the indenter that is to be none or to be dragged on [mm]
+    pressure: np.ndarray  # (S,) lam_n [MPa]
+    active: np.ndarray  # (S,) bool
+    area: np.ndarray  # (S,) [mm^2]
+    given: np.ndarray  # (S, 3) friction forces of the iterate [N]
+    eps_n: np.ndarray  # (S,), weight (S,) w and hold (S,) of the spring that holds [N/mm^3]
+    weight: np.ndarray
+    hold: np.ndarray
+    mu: float
+    exponents: np.ndarray  # (K,) [-] and references (K,) [MPa] of `friction_coefficient`
+    references: np.ndarray
+
+
+class ContactForces(NamedTuple):
+    """Forces of the indenter on the nodes, their tangents, and what the next iterate needs."""
+
+    f_mixed: np.ndarray  # (S, 3) [N] with pressure and friction as given
+    f_condensed: np.ndarray  # (S, 3) [N] with lam_n - eps_n g and what the springs hold
+    f_consistent: np.ndarray  # (S, 3) [N] the same, the limit of friction following lam_n - eps_n g
+    friction: np.ndarray  # (S, 3) [N] the given forces in the tangent plane, a part of f_mixed
+    wanted: np.ndarray  # (S, 3) [N] what they should be, equal to them at the solution
+    held: np.ndarray  # (S, 3) [N] the part of f_condensed in the tangent plane
+    direction: np.ndarray  # (S, 3) e of slipping nodes, 0 of others
+    spring: np.ndarray  # (S,) [N/mm] stiffness in the tangent plane, across e where it slips
+    stiffness: np.ndarray  # (S, 3, 3) [N/mm], about -d f_condensed/dx, symmetric positive
+    stiffness_consistent: np.ndarray  # (S, 3, 3) = -d f_consistent/dx
+    state: np.ndarray  # (S,) open, stick, slip
+    touched: np.ndarray  # (S,) bool, nodes that are or have been in contact
+
+    @classmethod
+    def empty(cls, S: int) -> ContactForces:
+        """Return room for the forces on S nodes."""
+        vectors = [np.empty((S, 3)) for _ in range(7)]
+        matrices = [np.empty((S, 3, 3)) for _ in range(2)]
+        return cls._make([*vectors, np.empty(S), *matrices, np.empty(S, np.int8), np.empty(S, bool)])
+
+
+@register_jitable
 def friction_coefficient(pressure, mu, exponents, references):
-    """Return mu times (1 + p / p_k)^-n_k [-] for each exponent n_k, at a pressure p [MPa]; without any it is mu."""
+    """Return mu times (1 + p / p_k)^-n_k [-] for each exponent n_k, at pressures p >= 0 [MPa]: a number or an array."""
     for k in range(len(exponents)):
-        if exponents[k] != 0.0:
-            mu *= (1.0 + max(pressure, 0.0) / references[k]) ** -exponents[k]
+        mu = mu * (1.0 + pressure / references[k]) ** -exponents[k]
     return mu
 
 
-@nb.njit(cache=True)
+@register_jitable
 def friction_fall(pressure, exponents, references):
-    """Return -d ln mu / d ln p [-] at a pressure p [MPa]: by which the limit of friction grows less than the pressure."""
+    """Return -d ln mu / d ln p [-] at pressures p >= 0 [MPa]: by which friction's limit grows less than the pressure."""
     fall = 0.0
     for k in range(len(exponents)):
-        fall += exponents[k] * max(pressure, 0.0) / (references[k] + max(pressure, 0.0))
+        fall = fall + exponents[k] * pressure / (references[k] + pressure)
     return fall
 
 
 @nb.njit(cache=True)
-def contact_forces(
-    gap, normal, turn, slip, pressure, active, area, given, eps_n, weight, hold, mu,
-    f_mixed, f_condensed, f_consistent, friction, wanted, direction, spring, stiffness, stiffness_consistent, state,
-    exponents, references,
-):  # fmt: skip
-    """Fill the forces of the indenter on the nodes and their tangents; return nothing.
-
-    In: gap (S,) [mm] that is to be closed, normal (S, 3) from the indenter into the body, turn (S, 3, 3) = dn/dx [1/mm],
-    slip (S, 3) motion relative to the indenter that is to be none or to be dragged on [mm], pressure (S,) lam_n [MPa],
-    active (S,) bool, area (S,) [mm^2], given (S, 3) friction forces of the iterate [N], eps_n (S,), weight (S,) w and hold
-    (S,) of the spring that holds [N/mm^3], mu [-], exponents (K,) [-] and references (K,) [MPa] of `friction_coefficient`.
-    Out: f_mixed (S, 3) [N] with pressure and friction as given; f_condensed (S, 3) with lam_n - eps_n g and what the springs
-    hold; friction (S, 3) the given forces in the tangent plane, a part of f_mixed; wanted (S, 3) what they should be, equal
-    to them at the solution; direction (S, 3) e of slipping nodes, 0 of others; spring (S,) [N/mm] stiffness in the tangent
-    plane, across e where it slips; stiffness (S, 3, 3) [N/mm], about -d f_condensed/dx, symmetric positive; f_consistent
-    (S, 3) and stiffness_consistent (S, 3, 3) = -d f_consistent/dx, the limit of friction following lam_n - eps_n g; state
-    (S,).
-    """
+def contact_forces(nodes, out):
+    """Fill the forces of the indenter on the ContactNodes and their tangents, all ContactForces but held and touched."""
+    gap, normal, turn, slip, pressure, active, area, given, eps_n, weight, hold, mu, exponents, references = (
+        nodes
+    )
+    f_mixed, f_condensed, f_consistent, friction, wanted, _, direction, spring = out[:8]
+    stiffness, stiffness_consistent, state, _ = out[8:]
     t = np.empty(3)
     along = np.empty(3)  # the slip in the tangent plane
     e = np.empty(3)

@@ -16,10 +16,13 @@ from gelforge.mechanics.bodies.body import Body
 from gelforge.mechanics.contact.forces import (
     OPEN,
     SLIP,
+    ContactForces,
+    ContactNodes,
     adhesive_traction,
     contact_forces,
     facet_gap,
     film_given,
+    friction_coefficient,
 )
 from gelforge.mechanics.contact.state import Settings, State
 from gelforge.mechanics.indenters.shapes import Indenter, rotation_of
@@ -32,7 +35,7 @@ LEAST_FORCE = 1e-3
 TOUCHES = 3e-14
 # The weight of slip beside the friction force that decides between stick and slip, of shear modulus over element size.
 # Above the stiffness of a node it takes nodes from one slip to the opposite one, past the stick between them. It is in no
-# solution.
+# solution (docs/decisions/0010-exact-friction.md).
 SLIP_WEIGHT = 1.0
 FINE = 0.1  # share of the surface's nodes whose elements are the smallest
 SAME_WAY = 0.999  # cosine between two steps of the indenter along which the body's motion is extrapolated
@@ -60,24 +63,6 @@ class Step:
     centre: np.ndarray  # (3,) or (6,) at its end
     touch_share: np.ndarray  # (S,) share of the step after which a node is in contact: 0 for those that are
     moved_free: np.ndarray  # (S, 3) [mm] motion of the node up to then
-
-
-@dataclass(frozen=True)
-class ContactForces:
-    """What contact_forces fills, by its names, and what else the next iterate needs."""
-
-    f_mixed: np.ndarray  # (S, 3) [N]
-    f_condensed: np.ndarray
-    f_consistent: np.ndarray
-    friction: np.ndarray
-    wanted: np.ndarray
-    held: np.ndarray  # the part of f_condensed in the tangent plane
-    direction: np.ndarray
-    spring: np.ndarray  # (S,) [N/mm]
-    stiffness: np.ndarray  # (S, 3, 3) [N/mm]
-    stiffness_consistent: np.ndarray
-    state: np.ndarray  # (S,) open, stick, slip
-    touched: np.ndarray  # (S,) bool, nodes that are or have been in contact
 
 
 class SurfaceContact:
@@ -158,38 +143,31 @@ class SurfaceContact:
 
     def forces(self, at: Iterate, step: Step, weight: float = 1.0) -> ContactForces:
         """Return the contact's forces and tangents at an iterate; weight multiplies the weight of slip."""
-        s, S = self.settings, len(self.nodes)
-        vectors = ("f_mixed", "f_condensed", "f_consistent", "friction", "wanted", "direction")
-        out: dict[str, np.ndarray] = {name: np.empty((S, 3)) for name in vectors}
-        out["spring"] = np.empty(S)
-        out |= {name: np.empty((S, 3, 3)) for name in ("stiffness", "stiffness_consistent")}
-        out["state"] = np.empty(S, np.int8)
+        s, out = self.settings, ContactForces.empty(len(self.nodes))
         closing, eps_n = self._closing(at)
-        contact_forces(
+        nodes = ContactNodes(
             closing, at.normal, at.turn, self._slip(at.u, step), at.contact_pressure, at.active, self.area, at.friction,
-            eps_n, weight * self.slip_weight, self.hold, s.friction, **out,
-            exponents=np.array(s.friction_exponents, float), references=np.array(s.friction_pressures, float),
+            eps_n, weight * self.slip_weight, self.hold, s.friction,
+            np.array(s.friction_exponents, float), np.array(s.friction_pressures, float),
         )  # fmt: skip
+        contact_forces(nodes, out)
         normal_part = np.where(at.active, self.area * (at.contact_pressure - eps_n * closing), 0.0)
-        held = out["f_condensed"] - normal_part[:, None] * at.normal
-        old = step.old
-        touched = out["state"] != OPEN
-        if old.touched is not None:
-            touched |= old.touched
+        out.held[:] = out.f_condensed - normal_part[:, None] * at.normal
+        out.touched[:] = (out.state != OPEN) | (False if step.old.touched is None else step.old.touched)
         if max(s.adhesion_work, s.adhesion_approach) > 0:
-            self._adhere(out, at, old)
-        return ContactForces(held=held, touched=touched, **out)
+            self._adhere(out, at, step.old)
+        return out
 
-    def _adhere(self, out: dict, at: Iterate, old: State) -> None:
+    def _adhere(self, out: ContactForces, at: Iterate, old: State) -> None:
         """Add the cohesive pull to the contact's forces; its tangent is not positive and enters the consistent one only."""
         s = self.settings
         touched = np.zeros(len(at.gap), bool) if old.touched is None else old.touched
         work = np.where(touched, s.adhesion_work, s.adhesion_approach)
         traction, slope = adhesive_traction(at.gap, at.active, work, s.adhesion_range)
         pull = -(self.area * traction)[:, None] * at.normal
-        for name in ("f_mixed", "f_condensed", "f_consistent"):
-            out[name] += pull
-        out["stiffness_consistent"] += (self.area * slope)[:, None, None] * (
+        for force in (out.f_mixed, out.f_condensed, out.f_consistent):
+            force += pull
+        out.stiffness_consistent[:] += (self.area * slope)[:, None, None] * (
             at.normal[:, :, None] * at.normal[:, None, :]
         ) + (self.area * traction)[:, None, None] * at.turn
 
@@ -245,10 +223,7 @@ class SurfaceContact:
     def _limit(self, lam: np.ndarray) -> np.ndarray:
         """Return the limit of friction (S,) [N] at contact pressures (S,) [MPa]."""
         s, p = self.settings, np.maximum(lam, 0.0)
-        mu = np.full_like(p, s.friction)
-        for exponent, reference in zip(s.friction_exponents, s.friction_pressures, strict=True):
-            mu *= (1 + p / reference) ** -exponent
-        return mu * p * self.area
+        return friction_coefficient(p, s.friction, s.friction_exponents, s.friction_pressures) * p * self.area
 
     # ------------------------------------------------------------------------------------------------------ errors
     def size_of(self, forces: ContactForces) -> float:

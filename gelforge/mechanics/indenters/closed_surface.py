@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
@@ -26,6 +27,20 @@ class SurfaceError(ValueError):
     """A surface that bounds no body: what was found, what to do."""
 
 
+class BoxTree(NamedTuple):
+    """Triangles in a tree of boxes, halved at the median of their middles along the longest side.
+
+    Box k with held > 0 is a leaf with the triangles first to first + held; else its halves are boxes first and first + 1.
+    """
+
+    corner: np.ndarray  # (T, 3, 3) [mm] in the tree's order
+    pseudo: np.ndarray  # (T, 7, 3) pseudo-normals
+    low: np.ndarray  # (boxes, 3) [mm]
+    high: np.ndarray  # (boxes, 3) [mm]
+    first: np.ndarray  # (boxes,)
+    held: np.ndarray  # (boxes,) count of triangles
+
+
 @dataclass(frozen=True)
 class ClosedSurface(Indenter):
     """A body bounded by triangles (T, 3) between vertices (V, 3) [mm], outward to the right, its edges rounded.
@@ -38,22 +53,17 @@ class ClosedSurface(Indenter):
     triangles: np.ndarray
     edge: float = 0.0  # mm
     _core: np.ndarray = field(init=False, repr=False, compare=False)  # (V, 3) vertices inset by the edge
-    _search: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray] = field(
-        init=False, repr=False, compare=False
-    )  # corners and pseudo-normals in the tree's order, and the tree's low, high, first, count
+    _tree: BoxTree = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
-        object.__setattr__(self, "_core", _inset(self.vertices, self.triangles, self.edge))
-        tree = _tree(self._core[self.triangles])
-        corner = np.ascontiguousarray(self._core[self.triangles[tree["order"]]])
-        pseudo = _pseudo_normals(self._core, self.triangles)[tree["order"]]
+        core = _inset(self.vertices, self.triangles, self.edge)
+        object.__setattr__(self, "_core", core)
         object.__setattr__(
-            self, "_search", (corner, pseudo, *(tree[n] for n in ("low", "high", "first", "count")))
+            self, "_tree", _box_tree(core[self.triangles], _pseudo_normals(core, self.triangles))
         )
 
     def distance(self, points):
-        gap, normal, turn = (np.empty((len(points), *shape)) for shape in ((), (3,), (3, 3)))
-        _distances(np.ascontiguousarray(points, dtype=float), *self._search, gap, normal, turn)
+        gap, normal, turn = _distances(np.ascontiguousarray(points, dtype=float), self._tree)
         return gap - self.edge, normal, turn
 
     def support(self, direction):
@@ -167,41 +177,22 @@ def _inset(vertices: np.ndarray, triangles: np.ndarray, edge: float) -> np.ndarr
     return inner
 
 
-def _tree(corner: np.ndarray) -> dict[str, np.ndarray]:
-    """Return a tree of boxes over triangles (T, 3, 3), halved at the median of their middles along the longest side.
-
-    Node k holds low, high (3,); count > 0: a leaf with triangles order[first : first + count]; else its two halves are
-    nodes first and first + 1.
-    """
+def _box_tree(corner: np.ndarray, pseudo: np.ndarray) -> BoxTree:
+    """Return the tree over triangles (T, 3, 3) with pseudo-normals (T, 7, 3)."""
     middle = corner.mean(axis=1)
     order = np.arange(len(corner))
-    low: list[np.ndarray | None] = [None]
-    high: list[np.ndarray | None] = [None]
-    first, count, pending = [0], [0], [(0, 0, len(corner))]
-    while pending:
-        node, start, end = pending.pop()
+    spans = [(0, len(corner))]  # of each box among the ordered triangles; grows while it is gone through
+    boxes = []
+    for start, end in spans:
         inside = order[start:end]
-        low[node], high[node] = corner[inside].min(axis=(0, 1)), corner[inside].max(axis=(0, 1))
-        if end - start <= LEAF:
-            first[node], count[node] = start, end - start
-            continue
-        axis = int(np.argmax(np.ptp(middle[inside], axis=0)))
-        half = (end - start) // 2
-        order[start:end] = inside[np.argpartition(middle[inside, axis], half)]
-        first[node] = len(low)
-        for part in ((start, start + half), (start + half, end)):
-            pending.append((len(low), *part))
-            low.append(None)
-            high.append(None)
-            first.append(0)
-            count.append(0)
-    return {
-        "order": order,
-        "low": np.array(low),
-        "high": np.array(high),
-        "first": np.array(first),
-        "count": np.array(count),
-    }
+        first, count = start, end - start
+        if count > LEAF:
+            axis, half = int(np.argmax(np.ptp(middle[inside], axis=0))), count // 2
+            order[start:end] = inside[np.argpartition(middle[inside, axis], half)]
+            first, count = len(spans), 0
+            spans += [(start, start + half), (start + half, end)]
+        boxes.append((corner[inside].min(axis=(0, 1)), corner[inside].max(axis=(0, 1)), first, count))
+    return BoxTree(np.ascontiguousarray(corner[order]), pseudo[order], *map(np.array, zip(*boxes)))
 
 
 @nb.njit(cache=True)
@@ -248,11 +239,14 @@ def _box_distance2(p, low, high):
 
 
 @nb.njit(cache=True)
-def _distances(points, corner, pseudo, low, high, first, count, gap, normal, turn):
-    """Fill gap (n,), normal (n, 3) and turn (n, 3, 3) of points (n, 3) from triangles and their tree of boxes."""
+def _distances(points, tree):
+    """Return gap (n,), normal (n, 3) and turn (n, 3, 3) of points (n, 3) from the triangles of a BoxTree."""
+    corner, pseudo, low, high, first, held = tree
+    n = len(points)
+    gap, normal, turn = np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3))
     stack = np.empty(128, np.int64)
     foot, ray, along = np.empty(3), np.empty(3), np.empty(3)
-    for k in range(len(points)):
+    for k in range(n):
         p = points[k]
         best, triangle, feature = np.inf, 0, 0
         stack[0], top = 0, 1
@@ -261,8 +255,8 @@ def _distances(points, corner, pseudo, low, high, first, count, gap, normal, tur
             node = stack[top]
             if _box_distance2(p, low[node], high[node]) >= best:
                 continue
-            if count[node] > 0:
-                for t in range(first[node], first[node] + count[node]):
+            if held[node] > 0:
+                for t in range(first[node], first[node] + held[node]):
                     kind = _nearest_on_triangle(p, corner[t, 0], corner[t, 1], corner[t, 2], foot)
                     d2 = (p[0] - foot[0]) ** 2 + (p[1] - foot[1]) ** 2 + (p[2] - foot[2]) ** 2
                     if d2 < best:
@@ -274,13 +268,13 @@ def _distances(points, corner, pseudo, low, high, first, count, gap, normal, tur
                 one, other = other, one
             stack[top], stack[top + 1] = one, other  # the nearer half is looked at first
             top += 2
-        n = pseudo[triangle, feature]
+        outward = pseudo[triangle, feature]
         d = np.sqrt(best)
-        sign = 1.0 if ray[0] * n[0] + ray[1] * n[1] + ray[2] * n[2] >= 0 else -1.0
+        sign = 1.0 if ray[0] * outward[0] + ray[1] * outward[1] + ray[2] * outward[2] >= 0 else -1.0
         gap[k] = sign * d
         turn[k] = 0.0
         if feature == 0 or d < 1e-12:
-            normal[k] = n / np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
+            normal[k] = outward / np.sqrt(outward[0] ** 2 + outward[1] ** 2 + outward[2] ** 2)
             continue
         normal[k] = sign / d * ray
         along[:] = 0.0
@@ -291,3 +285,4 @@ def _distances(points, corner, pseudo, low, high, first, count, gap, normal, tur
             for j in range(3):
                 plane = (1.0 if i == j else 0.0) - normal[k, i] * normal[k, j] - along[i] * along[j]
                 turn[k, i, j] = plane / gap[k]
+    return gap, normal, turn

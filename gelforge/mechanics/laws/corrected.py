@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gelforge.mechanics.laws.law import InvariantLaw, PrincipalLaw
+from gelforge.mechanics.laws.law import PrincipalLaw
+from gelforge.mechanics.laws.polynomial import PolynomialLaw
 
 
 @dataclass(frozen=True)
-class _Higher(InvariantLaw):
+class _Higher(PolynomialLaw):
     """The correction by itself."""
 
     C20: float  # MPa
@@ -23,18 +24,7 @@ class _Higher(InvariantLaw):
 
     @property
     def point_constants(self):
-        return self.C20, self.C30
-
-    def invariant_energy(self, I1, I2):
-        x = I1 - 3
-        return x**2 * (self.C20 + x * self.C30)
-
-    def invariant_first(self, I1, I2):
-        x = I1 - 3
-        return x * (2 * self.C20 + 3 * x * self.C30), 0.0
-
-    def invariant_second(self, I1, I2):
-        return 2 * self.C20 + 6 * self.C30 * (I1 - 3), 0.0, 0.0
+        return 0.0, 0.0, self.C20, self.C30
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,12 @@ import numpy as np
 
 from gelforge.mechanics.laws.law import PrincipalLaw
 
-# exponents of lam in (lam_1, lam_2, lam_3)
+# Exponents of lam in (lam_1, lam_2, lam_3), volume preserved (Ogden 1997, sec. 7.2).
 LOAD_CASES = {
     "uniaxial": (1.0, -0.5, -0.5),
     "pure_shear": (1.0, 0.0, -1.0),
     "equibiaxial": (1.0, 1.0, -2.0),
 }
-COMPONENTS = ("1", "2", "1-2")  # along the load, across it, and the Cauchy difference of the two
 
 
 @dataclass(frozen=True)
@@ -55,10 +54,24 @@ class StressPoints:
 def stress_points(
     case: str, stretch: np.ndarray, stretch_2: np.ndarray | None = None, component: str = "1"
 ) -> StressPoints:
-    """Return the states of a test at stretch (n,), and stretch_2 (n,) where the case is `biaxial`.
+    """Return the states of a test, in which a law predicts the measured stress.
 
-    component 1 is the nominal stress along the load, 2 that across it, 1-2 the difference of the Cauchy stresses
-    divided by lam_1. In `simple_shear` stretch is the amount of shear gamma and the stress the shear stress.
+    Parameters
+    ----------
+    case : str
+        One of LOAD_CASES, "biaxial" or "simple_shear".
+    stretch : (n,) array
+        Along the load [-]; in simple shear the amount of shear gamma.
+    stretch_2 : (n,) array, optional
+        Across it, in a biaxial test.
+    component : str
+        "1": the nominal stress along the load (in simple shear the shear stress); "2": that across it; "1-2": the difference
+        of the Cauchy stresses divided by lam_1.
+
+    Raises
+    ------
+    ValueError
+        A biaxial test without stretch_2.
     """
     stretch = np.asarray(stretch, dtype=float)
     if case == "simple_shear":
@@ -76,7 +89,20 @@ def stress_points(
 
 
 def principal_stretches(case: str, lam: np.ndarray) -> np.ndarray:
-    """Return the principal stretches (..., 3) of a load case at the stretch lam (...), volume preserved."""
+    """Return the principal stretches (..., 3) of a load case, volume preserved.
+
+    Parameters
+    ----------
+    case : str
+        One of LOAD_CASES.
+    lam : array
+        Stretch (...) along the load [-].
+
+    Examples
+    --------
+    >>> principal_stretches("equibiaxial", 2.0)
+    array([2.  , 2.  , 0.25])
+    """
     return np.asarray(lam, dtype=float)[..., None] ** np.array(LOAD_CASES[case])
 
 

@@ -30,17 +30,17 @@ ONCE: dict[str, Any] = {
     "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "fastmath": FAST, "error_model": "numpy",
 }  # fmt: skip
 
-# Of exp on [-ln 2 / 2, ln 2 / 2] from the square on; of log as in FreeBSD's e_log.c, which is right to 2^-58.
+# Of exp on [-ln 2 / 2, ln 2 / 2] from the square on.
 EXP_TERMS = [1.0 / math.factorial(k) for k in range(2, 14)]
+# Of log, right to 2^-58 (Sun Microsystems 1993, e_log.c of fdlibm).
 LOG_TERMS = (
     6.666666666666735130e-01, 3.999999999940941908e-01, 2.857142874366239149e-01, 2.222219843214978396e-01,
     1.818357216161805012e-01, 1.531383769920937332e-01, 1.479819860511658591e-01,
 )  # fmt: skip
-LN2_HIGH, LN2_LOW = (
-    6.93147180369123816490e-01,
-    1.90821492927058770002e-10,
-)  # times an exponent the first has no rounding
-MANTISSA, ONE, ROOT_HALF = 0xFFFFFFFFFFFFF, 0x3FF0000000000000, 0x3FE6A09E667F3BCD  # bits of a double
+# ln 2 in two parts; times an exponent the first has no rounding (Sun Microsystems 1993, e_log.c of fdlibm).
+LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
+# Bits of a double (IEEE 754-2019): those of its fraction, of 1 and of the root of 1/2.
+MANTISSA, ONE, ROOT_HALF = 0xFFFFFFFFFFFFF, 0x3FF0000000000000, 0x3FE6A09E667F3BCD
 
 _DOUBLE, _LONG, _INT = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
+import numpy as np
 from pydantic import model_validator
 
+from gelforge.mechanics.laws.family import Family
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.section import Section
 
@@ -13,6 +17,8 @@ COMPRESSIBILITY = {"D1", "D2", "D3", "D", "d", "d1", "K", "nu", "K_kPa", "D1_kPa
 
 class GivenParameters(Section):
     """Parameters of a constitutive model that are given; all are of the incompressible (isochoric) part."""
+
+    family: ClassVar[Family]  # whose parameters the keys are
 
     @model_validator(mode="before")
     @classmethod
@@ -27,4 +33,4 @@ class GivenParameters(Section):
 
     def constitutive_model(self) -> PrincipalLaw:
         """Return the law [MPa] of these parameters."""
-        raise NotImplementedError
+        return self.family.law_of(np.array([getattr(self, name) for name in self.family.parameters]))

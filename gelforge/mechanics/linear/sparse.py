@@ -1,7 +1,7 @@
 """Sparse direct solvers of the symmetric tangent, chosen in one place.
 
 PARDISO (Intel MKL, x86-64 only) factorises in single precision, which halves its time and memory. The caller restores double
-precision: by flexible GMRES (solving/corrections.py), or by conjugate gradients (`refined_solve`) for one tangent alone.
+precision by flexible GMRES (solving/corrections.py; `refined_solve` for one tangent alone).
 SuperLU (SciPy) works on every machine and is slower.
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from gelforge.mechanics.linear.krylov import flexible_gmres
 from gelforge.mechanics.linear.sparsity import Pattern, Rows, symmetric_product
 
 
@@ -43,9 +44,9 @@ def _math_kernel_library() -> ctypes.CDLL:
 
     Left to itself it searches every folder of the environment at its import and for every solver, a second each time.
     """
-    own = sorted(Path(sys.prefix, "lib").glob("libmkl_rt.so*"))
-    if own:
-        os.environ.setdefault("PYPARDISO_MKL_RT", str(own[0]))
+    libraries = sorted(Path(sys.prefix, "lib").glob("libmkl_rt.so*"))
+    if libraries:
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(libraries[0]))
     from pypardiso import PyPardisoSolver
 
     return PyPardisoSolver().libmkl
@@ -177,31 +178,15 @@ def direct_solver(pattern: Pattern, choice: str = "auto") -> DirectSolver:
 def refined_solve(
     solver: DirectSolver, pattern: Pattern, values: np.ndarray, rhs: np.ndarray, tolerance: float, limit: int
 ) -> tuple[np.ndarray, int]:
-    """Return the solution of A x = rhs and the number of conjugate-gradient steps, preconditioned by the factorisation.
+    """Return the solution of A x = rhs and the number of GMRES steps, preconditioned by the factorisation.
 
-    Stops when the preconditioned residual has fallen by tolerance or after limit steps. With a fresh float32 factor one
-    step is enough; with an older factor it takes more.
+    Stops when the residual has fallen by tolerance or after limit steps. With a fresh float32 factor each step wins about
+    four digits; with an older factor it takes more.
     """
-    x = np.zeros_like(rhs)
-    r = rhs.copy()
-    z = solver.solve(r)
-    p = z.copy()
-    rz = start = r @ z
-    Ap = np.empty_like(rhs)
-    steps = 0
-    while steps < limit and rz > 0:
-        symmetric_product(pattern.indptr, pattern.indices, values, p, Ap)
-        curvature = p @ Ap
-        if not curvature > 0:
-            break
-        x += rz / curvature * p
-        r -= rz / curvature * Ap
-        steps += 1
-        if steps == limit:
-            break
-        z = solver.solve(r)
-        rz, previous = r @ z, rz
-        if rz <= tolerance**2 * start:
-            break
-        p = z + rz / previous * p
-    return x, steps
+
+    def product(x: np.ndarray) -> np.ndarray:
+        y = np.empty_like(x)
+        symmetric_product(pattern.indptr, pattern.indices, values, x, y)
+        return y
+
+    return flexible_gmres(product, solver.solve, rhs, tolerance * float(np.linalg.norm(rhs)), limit)

@@ -7,7 +7,7 @@ written out in blocks of 3x3: rows of a node's own block begin at the diagonal, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numba as nb
 import numpy as np
@@ -49,7 +49,8 @@ class Condensation:
         return values
 
 
-OWN, TO_OWN, TURNED = 1, 2, 4  # from a node's own block, to a node's own block, to the transposed one
+# Bits of one number, so that they combine: from a node's own block, to a node's own block, to the transposed one.
+OWN, TO_OWN, TURNED = 1, 2, 4
 
 
 @dataclass(frozen=True)
@@ -87,46 +88,43 @@ def build_pattern(elements: np.ndarray, fixed: np.ndarray, ties: sp.csr_matrix |
     E, A = elements.shape
     starts = np.arange(0, E * A + 1, A)
     nodes = np.ascontiguousarray(elements, np.int32).ravel()
-    whole = _Blocks.of(starts, nodes, _numbered(~fixed))
+    blocks = Blocks.of(starts, nodes, ~fixed)
     if ties is None:
-        first = _starts(whole.rows, whole.columns)
-        slots = _element_slots(elements, whole.number, whole.rows, whole.columns, first)
-        return Pattern(whole.equation, *whole.expanded(), slots, None)
-    hanging = np.diff(ties.indptr) > 1
-    their_starts, their_nodes = _masters(starts, nodes, ties.indptr, ties.indices)
-    tied = _Blocks.of(their_starts, their_nodes, _numbered(~fixed & ~hanging))
-    indptr, indices = tied.expanded()
-    own = _starts(tied.rows, tied.columns)
-    first, count = _starts_with_hanging(
-        whole.rows, whole.columns, tied.number[whole.nodes], tied.rows, tied.columns, own, len(indices)
-    )
-    slots = _element_slots(elements, whole.number, whole.rows, whole.columns, first)
-    handed = _handed_on(
-        whole.rows, whole.columns, whole.nodes, first, len(indices),
-        ties.indptr, ties.indices, ties.data, tied.number, tied.rows, tied.columns, own,
-    )  # fmt: skip
-    condense = Condensation((len(indices), count), *handed)
-    return Pattern(tied.equation, indptr, indices, slots, condense)
+        slots = _element_slots(elements, blocks, _starts(blocks))
+        indptr, indices = _expanded(blocks)
+        return Pattern(blocks.equation, indptr, indices, slots, None)
+    hung = Ties(ties.indptr, ties.indices, ties.data)
+    their_starts, their_nodes = _masters(starts, nodes, hung)
+    tied = Blocks.of(their_starts, their_nodes, ~fixed & ~(np.diff(ties.indptr) > 1))
+    indptr, indices = _expanded(tied)
+    begins = _starts(tied)
+    first, count = _starts_with_hanging(blocks, tied, begins, len(indices))
+    slots = _element_slots(elements, blocks, first)
+    handed = _handed_on(blocks, first, len(indices), hung, tied, begins)
+    return Pattern(tied.equation, indptr, indices, slots, Condensation((len(indices), count), *handed))
 
 
-def _numbered(free: np.ndarray) -> np.ndarray:
-    """Return the numbers (N,) int32 of the free nodes, -1 of the others."""
-    return np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
+class Ties(NamedTuple):
+    """On which nodes each node hangs, in CSR form; one that does not hang hangs on itself."""
+
+    starts: np.ndarray  # (N + 1,)
+    nodes: np.ndarray
+    weights: np.ndarray
 
 
-@dataclass(frozen=True)
-class _Blocks:
+class Blocks(NamedTuple):
     """Which free nodes couple: for each one itself and those of greater number, in order."""
 
-    number: np.ndarray  # (N,) of the free nodes, -1 of the others
+    number: np.ndarray  # (N,) int32 of the free nodes, -1 of the others
     nodes: np.ndarray  # (F,) the free nodes
     rows: np.ndarray  # (F + 1,)
     columns: np.ndarray  # (blocks,)
 
     @classmethod
-    def of(cls, starts: np.ndarray, members: np.ndarray, number: np.ndarray) -> _Blocks:
-        """starts (E + 1,) and members: the nodes of every element; number (N,): see the class."""
-        nodes = np.flatnonzero(number >= 0)
+    def of(cls, starts: np.ndarray, members: np.ndarray, free: np.ndarray) -> Blocks:
+        """Return the blocks of free (N,) nodes; starts (E + 1,) and members: the nodes of every element."""
+        nodes = np.flatnonzero(free)
+        number = np.where(free, np.cumsum(free) - 1, -1).astype(np.int32)
         return cls(number, nodes, *_coupled(starts, members, number, len(nodes)))
 
     @property
@@ -134,10 +132,6 @@ class _Blocks:
         """Numbers (N, 3) of the degrees of freedom, -1 of nodes that are not free."""
         three = 3 * self.number[:, None] + np.arange(3, dtype=np.int32)
         return np.where(self.number[:, None] >= 0, three, np.int32(-1))
-
-    def expanded(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return indptr and indices of the upper triangle."""
-        return _expanded(self.rows, self.columns)
 
 
 @nb.njit(cache=True)
@@ -150,12 +144,12 @@ def _coupled(starts, members, number, F):
     for i in range(F):
         begins[i + 1] += begins[i]
     place = begins[:-1].copy()
-    own = np.empty(begins[F], np.int32)  # elements of every free node
+    sharing = np.empty(begins[F], np.int32)  # elements of every free node
     for e in range(len(starts) - 1):
         for k in range(starts[e], starts[e + 1]):
             i = number[members[k]]
             if i >= 0:
-                own[place[i]] = e
+                sharing[place[i]] = e
                 place[i] += 1
     rows = np.zeros(F + 1, np.int32)
     columns = np.empty(16 * F + 16, np.int32)
@@ -163,7 +157,7 @@ def _coupled(starts, members, number, F):
     found = 0
     for i in range(F):
         for k in range(begins[i], begins[i + 1]):
-            for m in range(starts[own[k]], starts[own[k] + 1]):
+            for m in range(starts[sharing[k]], starts[sharing[k] + 1]):
                 j = number[members[m]]
                 if j >= i and seen[j] != i:
                     seen[j] = i
@@ -177,7 +171,9 @@ def _coupled(starts, members, number, F):
 
 
 @nb.njit(cache=True)
-def _expanded(rows, columns):
+def _expanded(blocks):
+    """Return indptr and indices of the upper triangle."""
+    rows, columns = blocks.rows, blocks.columns
     F = len(rows) - 1
     indptr = np.zeros(3 * F + 1, np.int32)
     indices = np.empty(9 * len(columns) - 3 * F, np.int32)
@@ -193,8 +189,9 @@ def _expanded(rows, columns):
 
 
 @nb.njit(cache=True)
-def _starts(rows, columns):
+def _starts(blocks):
     """Return where the three rows of every block (blocks, 3) begin among the values."""
+    rows, columns = blocks.rows, blocks.columns
     first = np.empty((len(columns), 3), np.int32)
     n = 0
     for row in range(len(rows) - 1):
@@ -206,17 +203,18 @@ def _starts(rows, columns):
 
 
 @nb.njit(cache=True)
-def _starts_with_hanging(rows, columns, tied, tied_rows, tied_columns, own, count):
+def _starts_with_hanging(blocks, tied, begins, count):
     """Return where blocks (blocks, 3) begin: in the pattern, or after its `count` values with a hanging node; their end.
 
-    tied: number (F,) of the free nodes in the pattern without hanging ones, own (., 3) where its blocks begin.
+    tied: the blocks of the pattern without hanging nodes, begins (., 3): where these begin.
     """
+    rows, columns, nodes = blocks.rows, blocks.columns, blocks.nodes
     first = np.empty((len(columns), 3), np.int32)
     for row in range(len(rows) - 1):
         for k in range(rows[row], rows[row + 1]):
-            a, b = tied[row], tied[columns[k]]
+            a, b = tied.number[nodes[row]], tied.number[nodes[columns[k]]]
             if a >= 0 and b >= 0:
-                first[k] = own[_block(tied_rows, tied_columns, a, b)]
+                first[k] = begins[_block(tied, a, b)]
                 continue
             for i in range(3):
                 first[k, i] = count
@@ -225,12 +223,12 @@ def _starts_with_hanging(rows, columns, tied, tied_rows, tied_columns, own, coun
 
 
 @nb.njit(cache=True)
-def _block(rows, columns, i, j):
+def _block(blocks, i, j):
     """Return the number of the block (i, j), i <= j."""
-    low, high = rows[i], rows[i + 1]
+    low, high = blocks.rows[i], blocks.rows[i + 1]
     while low < high:
         mid = (low + high) // 2
-        if columns[mid] < j:
+        if blocks.columns[mid] < j:
             low = mid + 1
         else:
             high = mid
@@ -238,7 +236,8 @@ def _block(rows, columns, i, j):
 
 
 @nb.njit(cache=True)
-def _element_slots(elements, number, rows, columns, first):
+def _element_slots(elements, blocks, first):
+    number = blocks.number
     E, A = elements.shape
     slots = np.full((E, A * (A + 1) // 2, 3), -1, np.int32)
     for e in range(E):
@@ -247,14 +246,15 @@ def _element_slots(elements, number, rows, columns, first):
             for c in range(a, A):
                 i, j = number[elements[e, a]], number[elements[e, c]]
                 if i >= 0 and j >= 0:
-                    slots[e, pair] = first[_block(rows, columns, min(i, j), max(i, j))]
+                    slots[e, pair] = first[_block(blocks, min(i, j), max(i, j))]
                 pair += 1
     return slots
 
 
 @nb.njit(cache=True)
-def _masters(starts, members, tie_starts, tie_nodes):
+def _masters(starts, members, ties):
     """Return (starts, members) of elements whose hanging nodes are replaced by those they hang on."""
+    tie_starts, tie_nodes = ties.starts, ties.nodes
     begins = np.zeros(len(starts), np.int64)
     for e in range(len(starts) - 1):
         begins[e + 1] = begins[e]
@@ -270,10 +270,13 @@ def _masters(starts, members, tie_starts, tie_nodes):
 
 
 @nb.njit(cache=True)
-def _handed_on(
-    rows, columns, nodes, first, count, tie_starts, tie_nodes, tie_weights, tied, tied_rows, tied_columns, own
-):
-    """Return (slots, weight, kind) of Condensation; first (blocks, 3): where assembled blocks begin."""
+def _handed_on(blocks, first, count, ties, tied, begins):
+    """Return (slots, weight, kind) of Condensation; first (blocks, 3): where assembled blocks begin.
+
+    tied, begins and count: as of _starts_with_hanging.
+    """
+    rows, columns, nodes = blocks.rows, blocks.columns, blocks.nodes
+    tie_starts, tie_nodes, tie_weights = ties
     total = 0
     for row in range(len(rows) - 1):
         for k in range(rows[row], rows[row + 1]):
@@ -290,14 +293,14 @@ def _handed_on(
                 continue
             a, b = nodes[row], nodes[columns[k]]
             for p in range(tie_starts[a], tie_starts[a + 1]):
-                i = tied[tie_nodes[p]]
+                i = tied.number[tie_nodes[p]]
                 for q in range(tie_starts[b], tie_starts[b + 1]):
-                    j = tied[tie_nodes[q]]
+                    j = tied.number[tie_nodes[q]]
                     # Of a node's own block the pairs (p, q) and (q, p) are each other's transposes: one is the upper one.
                     if i < 0 or j < 0 or (a == b and i > j):
                         continue
                     slots[n, 0] = first[k]
-                    slots[n, 1] = own[_block(tied_rows, tied_columns, min(i, j), max(i, j))]
+                    slots[n, 1] = begins[_block(tied, min(i, j), max(i, j))]
                     weight[n] = tie_weights[p] * tie_weights[q]
                     kind[n] = (OWN if a == b else 0) + (TO_OWN if i == j else 0) + (TURNED if i > j else 0)
                     n += 1
@@ -310,11 +313,11 @@ def _hand_on(slots, weight, kind, assembled, values):
     B = np.empty((3, 3))
     for n in range(len(weight)):
         w = weight[n]
-        own = kind[n] & OWN
+        diagonal = kind[n] & OWN
         for i in range(3):
-            for j in range(i if own else 0, 3):
-                B[i, j] = w * assembled[slots[n, 0, i] + j - (i if own else 0)]
-                if own:
+            for j in range(i if diagonal else 0, 3):
+                B[i, j] = w * assembled[slots[n, 0, i] + j - (i if diagonal else 0)]
+                if diagonal:
                     B[j, i] = B[i, j]
         if not kind[n] & TO_OWN:
             for i in range(3):
@@ -324,7 +327,7 @@ def _hand_on(slots, weight, kind, assembled, values):
         for i in range(3):
             for j in range(i, 3):
                 # A block between two nodes that hang on the same one meets its mirror image there.
-                values[slots[n, 1, i] + j - i] += B[i, j] if own else B[i, j] + B[j, i]
+                values[slots[n, 1, i] + j - i] += B[i, j] if diagonal else B[i, j] + B[j, i]
 
 
 @nb.njit(cache=True)

@@ -34,9 +34,10 @@ TRIANGLE6_PARTS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 # A quadratic displacement can change the volume of points while the element keeps its mean (conformal maps do so without any
 # shear), so with one pressure per element alone errors are of the size (jump of pressure between elements)/mu, and once the
 # jump exceeds about 2 mu the tangent loses its definiteness. A small part of the bulk modulus at the points holds these
-# modes. Rms error of the gradient at K/mu = 1e6, pressure of amplitude mu, 1296 tetrahedra, for 0, 3, 10, 30, 100, 1000 mu:
-# .041 .015 .0076 .0048 .0042 .0054 (12^3 hexahedra, as many nodes: .023). Force on a ball in coarse elements over a thin
-# layer, at a quarter and at full depth: -12, -6 % for 0; +1, -2 % for 3; +7, -1 % for 10; +14, +2 % for 100. 10 serves both.
+# modes. Measured rms error of the gradient at K/mu = 1e6, pressure of amplitude mu, 1296 tetrahedra, for 0, 3, 10, 30, 100,
+# 1000 mu: .041 .015 .0076 .0048 .0042 .0054 (12^3 hexahedra, as many nodes: .023). Force on a ball in coarse elements over a
+# thin layer, at a quarter and at full depth: -12, -6 % for 0; +1, -2 % for 3; +7, -1 % for 10; +14, +2 % for 100. 10 serves
+# both.
 LOCAL_BULK_TO_SHEAR = 10.0
 
 

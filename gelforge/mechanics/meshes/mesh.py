@@ -143,11 +143,25 @@ def _slab_lines(block: Block, sizes: Sizes) -> np.ndarray:
 
 
 def layered_block(block: Block, x: float, y: float, sizes: Sizes, touched: np.ndarray | None = None) -> Mesh:
-    """Return the mesh of a block, fine around the contact at (x, y) [mm].
+    """Return the mesh of a block, fine around the contact; cells of an even grid are halved where the contact wants it.
 
-    touched (n, 3) are discs (x, y, radius) [mm] of the top surface, none of which counts for smaller than near_radius; the
-    disc of that radius at (x, y) if not given. The cells of an even grid are halved where the contact wants it. Regions
-    are the layers by name, then "wall", "flange" and "base" where they exist; cells above the flange are left out.
+    Parameters
+    ----------
+    block : Block
+        Widths, layers, wall, flange and base [mm].
+    x, y : float
+        Where it is pressed [mm].
+    sizes : Sizes
+        Of the elements [mm].
+    touched : (n, 3) array, optional
+        Discs (x, y, radius) [mm] of the top surface, none of which counts for smaller than near_radius; the disc of that
+        radius at (x, y) if not given.
+
+    Returns
+    -------
+    Mesh
+        Regions are the layers by name, then "wall", "flange" and "base" where they exist; cells above the flange are left
+        out.
     """
     lines = (
         _horizontal_lines(block.width_x, block, x, sizes.base),

@@ -112,10 +112,10 @@ def _ties(corner, hexahedra, used, shape) -> sp.csr_matrix:
             rows.append(np.repeat(place, len(group)))
             columns.append(masters.ravel())
             weights.append(np.full(masters.size, 1 / len(group)))
-    own = np.flatnonzero(~hangs)
+    free = np.flatnonzero(~hangs)
     row, column, weight = (
         np.concatenate([*parts, more])
-        for parts, more in ((rows, own), (columns, own), (weights, np.ones(len(own))))
+        for parts, more in ((rows, free), (columns, free), (weights, np.ones(len(free))))
     )
     ties = sp.csr_matrix((weight, (row, column)), shape=(len(used), len(used)))
     while hangs[ties.indices].any():  # a master that hangs itself hands its value on

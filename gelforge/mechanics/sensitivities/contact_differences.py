@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gelforge.mechanics.contact.forces import SLIP, STICK, adhesive_traction, film_given
+from gelforge.mechanics.contact.forces import SLIP, STICK, adhesive_traction, film_given, friction_fall
 from gelforge.mechanics.contact.state import Settings, State
 from gelforge.mechanics.contact.surface import SurfaceContact
 from gelforge.mechanics.indenters.shapes import Indenter
@@ -78,11 +78,11 @@ def held_at(contact: SurfaceContact, before: State, after: State) -> tuple[Held,
         contact_state=before.contact_state[nodes],
         touched=None if before.touched is None else before.touched[nodes],
     )
-    own = copy.copy(contact)
-    own.nodes, own.X, own.area = np.arange(len(nodes)), contact.X[nodes], contact.area[nodes]
+    at_nodes = copy.copy(contact)
+    at_nodes.nodes, at_nodes.X, at_nodes.area = np.arange(len(nodes)), contact.X[nodes], contact.area[nodes]
     u, pressure = after.u[contact.nodes[nodes]], after.contact_pressure[nodes]
     active, rubs = pressure > 0, s.friction > 0
-    seen = seen_at(own, old, after.centre, u, pressure, active)
+    seen = seen_at(at_nodes, old, after.centre, u, pressure, active)
     friction = _across(after.friction_force[nodes], seen.normal)
     sticks = active & rubs & (after.contact_state[nodes] == STICK)
     slips = active & (after.contact_state[nodes] == SLIP)
@@ -94,25 +94,25 @@ def held_at(contact: SurfaceContact, before: State, after: State) -> tuple[Held,
     stiff = STIFF / s.normal_augmentation * contact.eps_n[nodes]
     # A node that has hardly slipped yet is held across its slip as stiffly as one that sticks.
     turning = np.divide(seen.limit, length, out=np.full_like(length, np.inf), where=length > 0)
-    spring = np.where(slips, np.minimum(turning, stiff * own.area), stiff * own.area)
+    spring = np.where(slips, np.minimum(turning, stiff * at_nodes.area), stiff * at_nodes.area)
     film_slope = film_given(pressure, s.film_thickness, s.film_pressure)[1]
-    falls = sum(n * pressure / (p + pressure) for n, p in zip(s.friction_exponents, s.friction_pressures))
+    falls = friction_fall(pressure, s.friction_exponents, s.friction_pressures)
     slope = np.where(active, (1 - falls) * seen.limit / np.where(active, pressure, 1.0), 0.0)
     held = Held(
         nodes, u, after.centre, old, pressure, friction, active, sticks, slips & (size > 0), direction, seen,
         stiff / (1 + stiff * film_slope), spring, slope,
     )  # fmt: skip
-    return held, own
+    return held, at_nodes
 
 
 def beside(
     contact: SurfaceContact, held: Held, mesh: Mesh, indenter: Indenter, settings: Settings
 ) -> SurfaceContact:
     """Return the contact of the held nodes with another mesh, indenter and settings."""
-    own, surface = copy.copy(contact), mesh.surface
-    own.indenter, own.settings = indenter, settings
-    own.X, own.area = mesh.X[surface.nodes[held.nodes]], surface.area[held.nodes]
-    return own
+    varied, surface = copy.copy(contact), mesh.surface
+    varied.indenter, varied.settings = indenter, settings
+    varied.X, varied.area = mesh.X[surface.nodes[held.nodes]], surface.area[held.nodes]
+    return varied
 
 
 def repeated(contact: SurfaceContact, held: Held, times: int) -> tuple[SurfaceContact, Held]:
@@ -121,16 +121,16 @@ def repeated(contact: SurfaceContact, held: Held, times: int) -> tuple[SurfaceCo
     def again(value):
         return np.tile(value, (times, *(1,) * (value.ndim - 1))) if isinstance(value, np.ndarray) else value
 
-    own = copy.copy(contact)
-    own.X, own.area = again(contact.X), again(contact.area)
-    own.nodes = np.arange(times * len(contact.nodes))
+    several = copy.copy(contact)
+    several.X, several.area = again(contact.X), again(contact.area)
+    several.nodes = np.arange(times * len(contact.nodes))
     per_node = ("u", "gap", "moved", "contact_state", "touched")
     old = replace(held.old, **{name: again(getattr(held.old, name)) for name in per_node})
     seen = FlowObservation(*(again(value) for value in vars(held.seen).values()))
     values = {
         name: again(value) for name, value in vars(held).items() if name not in ("centre", "old", "seen")
     }
-    return own, replace(held, **values, old=old, seen=seen)
+    return several, replace(held, **values, old=old, seen=seen)
 
 
 def moved_before(

@@ -57,7 +57,7 @@ class ForceDifferences:
             rows,
             np.arange(E + 1) * 3 * A,
         )  # of a sparse (3 N, E): forces of every element
-        self._parts = {number: self._part_of(number, own) for number, own in self._others.items()}
+        self._parts = {number: self._part_of(number, differing) for number, differing in self._others.items()}
         bodies = [self.bodies[number] for number in self._moduli]
         amounts = self.amounts[self._moduli]
         self._growth = {
@@ -66,20 +66,22 @@ class ForceDifferences:
             if bodies
         }
 
-    def _part_of(self, number: int, own: np.ndarray) -> tuple[Body, float]:
+    def _part_of(self, number: int, differing: np.ndarray) -> tuple[Body, float]:
         """Return those elements (n,) of a body that differ, and the amount by which the returned ones do, a small one."""
         base, body = self.base, self.bodies[number]
-        mesh = replace(base.mesh, elements=base.mesh.elements[own], region=base.mesh.region[own], ties=None)
-        part = body.part(own, mesh)
-        if not (base.gradient[own] != part.gradient).any() or (base.law != body.law).any():
+        mesh = replace(
+            base.mesh, elements=base.mesh.elements[differing], region=base.mesh.region[differing], ties=None
+        )
+        part = body.part(differing, mesh)
+        if not (base.gradient[differing] != part.gradient).any() or (base.law != body.law).any():
             return part, self.amounts[number]
         part.constants = base.constants + LESS * (body.constants - base.constants)
         part.rest = base.rest + LESS * (body.rest - base.rest)
         for name in ("gradient", "weight"):
-            here = getattr(base, name)[own]
+            here = getattr(base, name)[differing]
             setattr(part, name, here + LESS * (getattr(part, name) - here))
         for name in MODULI:
-            setattr(part, name, (getattr(base, name) * (1 + LESS * _growth(base, body, name)))[own])
+            setattr(part, name, (getattr(base, name) * (1 + LESS * _growth(base, body, name)))[differing])
         return part, LESS * self.amounts[number]
 
     def at(self, u: np.ndarray, pressure: np.ndarray) -> np.ndarray:
@@ -99,24 +101,24 @@ class ForceDifferences:
         if not (self._moduli or self._others):
             return found
         elements = self.base.mesh.elements
-        own, none = u[elements].reshape(-1, 3), np.zeros(len(elements))
-        response = self._apart.response(own, none)
+        moved, none = u[elements].reshape(-1, 3), np.zeros(len(elements))
+        response = self._apart.response(moved, none)
         if self._moduli:
-            found[self._moduli] = self._by_moduli(response, own).reshape(len(self._moduli), N, 3)
-        whole = response.f_condensed.reshape(*elements.shape, 3)
+            found[self._moduli] = self._by_moduli(response, moved).reshape(len(self._moduli), N, 3)
+        of_elements = response.f_condensed.reshape(*elements.shape, 3)
         for number, (part, amount) in self._parts.items():
             there = part.response(u, np.zeros(len(part.mesh.elements))).f_condensed
             which = self._others[number]
-            there -= _summed(whole[which], elements[which], N)
+            there -= _summed(of_elements[which], elements[which], N)
             found[number] = there / amount
         return _gathered(self.base, found)
 
-    def _by_moduli(self, response, own: np.ndarray) -> np.ndarray:
+    def _by_moduli(self, response, moved: np.ndarray) -> np.ndarray:
         """Return the changes (P, 3 N) by growing moduli: those of every element times its own forces."""
         law = response.f_mixed  # without pressure
         by = {"element_bulk": response.f_condensed - response.f_mixed}
         if self._local:
-            law = self._without_local.response(own, np.zeros(len(self.base.mesh.elements))).f_mixed
+            law = self._without_local.response(moved, np.zeros(len(self.base.mesh.elements))).f_mixed
             by["local_bulk"] = response.f_mixed - law
         by["stiffness"] = law
         shape = (3 * len(self.base.mesh.X), len(self.base.mesh.elements))

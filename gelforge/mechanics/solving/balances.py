@@ -11,7 +11,12 @@ from gelforge.mechanics.meshes.mesh import Mesh
 def force_balance(state: State, least_force: float = 0.0) -> float:
     """Return |contact force + reaction| / |contact force| [-]; the reaction comes from internal forces.
 
-    least_force [N]: what a smaller contact force is taken for.
+    Parameters
+    ----------
+    state : State
+        A converged state.
+    least_force : float
+        What a smaller contact force is taken for [N].
     """
     size = max(float(np.linalg.norm(state.force)), least_force)
     return float(np.linalg.norm(state.force + state.reaction)) / size
@@ -22,7 +27,18 @@ def moment_balance(
 ) -> float:
     """Return |moment of contact and base forces| / (|contact force| length) [-], about the indenter's centre.
 
-    length [mm] makes it a number. Contact forces act at the deformed nodes, at small strain at the undeformed ones.
+    Parameters
+    ----------
+    mesh : Mesh
+        Of the body.
+    state : State
+        A converged state.
+    length : float
+        That makes it a number [mm].
+    deformed : bool
+        Whether contact forces act at the deformed nodes; at small strain they act at the undeformed ones.
+    least_force : float
+        What a smaller contact force is taken for [N].
     """
     surface = mesh.X[mesh.surface.nodes] + (state.u[mesh.surface.nodes] if deformed else 0.0)
     contact = np.cross(surface - state.centre[:3], state.normal_force + state.friction_force).sum(axis=0)

@@ -12,17 +12,18 @@ import numba as nb
 import numpy as np
 
 from gelforge.mechanics.bodies.body import Body, Response
-from gelforge.mechanics.contact.forces import add_node_blocks
-from gelforge.mechanics.contact.surface import ContactForces
+from gelforge.mechanics.contact.forces import ContactForces, add_node_blocks
 from gelforge.mechanics.linear.krylov import flexible_gmres
 from gelforge.mechanics.linear.sparse import direct_solver
 from gelforge.mechanics.linear.sparsity import symmetric_product
 
 # Nodes that may have changed between open, stick and slip since the factorisation. Each costs three right-hand sides; this
-# many take about as long as a factorisation.
+# many take about as long as a factorisation (docs/decisions/0004-newton-on-the-mixed-tangent.md).
 MOST_CHANGED = 30
-MOST_STEPS = 25  # of GMRES
-# Steps of GMRES beyond which the next correction has a factorisation of its own.
+# Of GMRES in one correction (counts: benchmarks/cell_cost.py).
+MOST_STEPS = 25
+# Steps of GMRES beyond which the next correction has a factorisation of its own
+# (docs/decisions/0004-newton-on-the-mixed-tangent.md).
 MANY_STEPS = 14
 
 
@@ -128,8 +129,8 @@ class Corrections:
         rows = self._equations[changed].ravel()
         difference = np.zeros((len(rows), len(rows)))
         for k, node in enumerate(changed):
-            own = slice(3 * k, 3 * k + 3)
-            difference[own, own] = blocks[node] - self._factored.stiffness[node]
+            three = slice(3 * k, 3 * k + 3)
+            difference[three, three] = blocks[node] - self._factored.stiffness[node]
         small = columns[:, rows].T.astype(float)
         gain = np.linalg.solve(np.eye(len(rows)) + difference @ small, difference)
 

@@ -5,41 +5,47 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from gelforge.mechanics.bodies.body import Body, Response
 from gelforge.mechanics.bodies.memory import RememberingBody
-from gelforge.mechanics.contact.forces import SLIP
+from gelforge.mechanics.contact.forces import SLIP, ContactForces
 from gelforge.mechanics.contact.state import Settings, State
-from gelforge.mechanics.contact.surface import ContactForces, Iterate, SurfaceContact
+from gelforge.mechanics.contact.surface import Iterate, SurfaceContact
 from gelforge.mechanics.indenters.shapes import Indenter
 from gelforge.mechanics.linear.sparse import NotPositiveDefinite
 from gelforge.mechanics.solving.corrections import Corrections
 from gelforge.mechanics.solving.prediction import extrapolated, slope_of, unknowns
 
-STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
-# Below this residual, and with no node changing between open, stick and slip, the contact's consistent tangent is taken.
+# Constants that steer the iteration change how many steps and factorisations it takes, which benchmarks/cell_cost.py prints,
+# and no converged state beyond its tolerances.
+STEP_LENGTHS = tuple(0.5**halvings for halvings in range(5))  # of a correction
+# Below this residual, and with no node changing between open, stick and slip, the contact's consistent tangent is taken
+# (counts: benchmarks/cell_cost.py).
 CONSISTENT_RESIDUAL = 2e-2
-RATE = 0.5  # of two residuals in turn: an iteration that wins less is slow
+# Of two residuals in turn: an iteration that wins less is slow (counts: benchmarks/cell_cost.py).
+RATE = 0.5
 # Below this a symmetric iteration that is slow only creeps to the limit of slipping nodes: the consistent
 # tangent ends it. Further from the solution that one cycles between stick and slip, unless no node has changed between
-# open, stick and slip in this many iterations.
-CREEP_RESIDUAL = 1e-4
-STEADY = 2
-# The linear equations are solved to this share of the residual, and never further than this share of its tolerance.
-LINEAR_SHARE = 0.03
-LINEAR_LEAST = 0.02
+# open, stick and slip in this many iterations (counts: benchmarks/cell_cost.py).
+CREEP_RESIDUAL, STEADY = 1e-4, 2
+# The linear equations are solved to this share of the residual, and never further than this share of its tolerance
+# (counts: benchmarks/cell_cost.py).
+LINEAR_SHARE, LINEAR_LEAST = 0.03, 0.02
 # The body's tangent of an earlier iterate serves while the residual is this small and each correction with it halves the
-# residual at least. A correction from a residual AHEAD leads to one that asks for a tangent: it comes with the forces.
-KEPT_TANGENT = 1e-2
-AHEAD = 3e-2
-MANY_SLIDE = 50  # nodes that slip
+# residual at least. A correction from a residual AHEAD leads to one that asks for a tangent: it comes with the forces
+# (counts: benchmarks/cell_cost.py).
+KEPT_TANGENT, AHEAD = 1e-2, 3e-2
+# Nodes that slip, beyond which the first consistent step has a factorisation of its own (counts: benchmarks/cell_cost.py).
+MANY_SLIDE = 50
 # From this iteration on the weight that decides between stick and slip is halved in each: a step that cycles between them
 # comes to rest.
 PATIENT = 10
 # With friction the first step after the first touch is at most this share of the element size, and each further one at most
-# twice as long: of a node that touches within a step, only the step before says how it has moved until then.
+# twice as long: of a node that touches within a step, only the step before says how it has moved until then
+# (docs/decisions/0010-exact-friction.md).
 FIRST_STEP = 0.25
 # A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there.
 PATIENCE = 3
@@ -52,6 +58,15 @@ class NotConverged(ArithmeticError):
 
 
 Watch = Callable[[State, State], None]
+
+
+class Aim(NamedTuple):
+    """Where a step is to end."""
+
+    centre: np.ndarray  # (3,) or (6,) of the indenter [mm, rad]
+    halvings: int  # of the step that the path asks for
+    time: float | None  # [s], for a body that remembers
+    limit: int | None = None  # of iterations
 
 
 class Press:
@@ -102,38 +117,55 @@ class Press:
         states before and after every step, halves included. times (n,) [s]: when it is there, for a body that remembers.
         Raises NotConverged, with the position reached, after max_halvings.
         """
+
+        def solved(previous, state, at, aim: Aim) -> State:
+            new = self.step(previous, state, aim.centre, time=aim.time, limit=aim.limit)
+            if watch is not None:
+                watch(state, new)
+            return new
+
+        yield from self.follow_aims(start, start.centre, centres, solved, times)
+
+    def follow_aims(
+        self,
+        start: State,
+        begun: np.ndarray,
+        centres: np.ndarray,
+        solved: Callable[[State | None, State, np.ndarray, Aim], State],
+        times: np.ndarray | None = None,
+    ) -> Iterator[State]:
+        """Yield the state at each centre (n, 3) or (n, 6) [mm] in turn, by the steps of `parts`; halve a step that fails.
+
+        solved(previous, state, at, aim): the state that follows a state, reached by an aim at `at`, at the next aim;
+        begun (3,) or (6,): the aim of the start. Raises NotConverged after max_halvings.
+        """
         self.corrections.forget()  # a path's result depends on no other path
-        previous, state = None, replace(start, centre=padded(start.centre, np.shape(centres)[-1]))
-        for number, centre in enumerate(centres):
+        length = np.shape(centres)[-1]
+        previous, state, at = None, replace(start, centre=padded(start.centre, length)), padded(begun, length)
+        for number, centre in enumerate(np.asarray(centres, dtype=float)):
             iterations = factorisations = 0
-            centre, end = np.asarray(centre, dtype=float), None if times is None else float(times[number])
-            shares = self.parts(state, centre - state.centre)
+            began = None if times is None else state.memory.time
             pending = [
-                (
-                    state.centre + share * (centre - state.centre) if share < 1 else centre,
+                Aim(
+                    at + share * (centre - at) if share < 1 else centre,
                     0,
-                    None if end is None else state.memory.time + share * (end - state.memory.time),
+                    None if times is None else began + share * (float(times[number]) - began),
                 )
-                for share in shares[::-1]
+                for share in self.parts(state, centre - at)[::-1]
             ]
             while pending:
-                target, halvings, time = pending[-1]
-                limit = self.iterations_allowed(halvings)
+                aim = pending[-1]._replace(limit=self.iterations_allowed(pending[-1].halvings))
                 try:
-                    new = self.step(
-                        previous, state, target, limit=limit, **({} if time is None else {"time": time})
-                    )
+                    new = solved(previous, state, at, aim)
                 except NotConverged as failure:
-                    if halvings == self.settings.max_halvings:
-                        raise NotConverged(f"{failure}; step halved {halvings} times") from None
-                    pending[-1] = (target, halvings + 1, time)
-                    between = None if time is None else (state.memory.time + time) / 2
-                    pending.append(((state.centre + target) / 2, halvings + 1, between))
+                    if aim.halvings == self.settings.max_halvings:
+                        raise NotConverged(f"{failure}; step halved {aim.halvings} times") from None
+                    pending[-1] = Aim(aim.centre, aim.halvings + 1, aim.time)
+                    between = None if aim.time is None else (state.memory.time + aim.time) / 2
+                    pending.append(Aim((at + aim.centre) / 2, aim.halvings + 1, between))
                     continue
                 pending.pop()
-                if watch is not None:
-                    watch(state, new)
-                previous, state = state, new
+                previous, state, at = state, new, aim.centre
                 iterations += new.iterations
                 factorisations += new.factorisations
             state = replace(state, iterations=iterations, factorisations=factorisations)

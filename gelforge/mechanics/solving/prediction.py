@@ -14,10 +14,13 @@ import numpy as np
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.contact.surface import Iterate, SurfaceContact, steps_ratio
 
-NEIGHBOURS = 4  # nodes whose contact pressures give that of a node
-NEAR = 0.05  # a node further outside than this share of the element size is not predicted to touch
+# Constants of a prediction change the count of iterations, which benchmarks/cell_cost.py prints, and no converged state.
+NEIGHBOURS = 4  # nodes whose contact pressures give that of a node (counts: benchmarks/cell_cost.py)
+# A node further outside than this share of the element size is not predicted to touch (counts: benchmarks/cell_cost.py).
+NEAR = 0.05
 SAME_PLACE = 1e-6  # of the element size
-LEAST = 0.02  # of the mean contact pressure: a node that is predicted to touch has this much at least
+# Of the mean contact pressure, at least, of a node that is predicted to touch (counts: benchmarks/cell_cost.py).
+LEAST = 0.02
 
 # displacement (N, 3) [mm], element pressures (E,), contact pressures (S,) [MPa], friction forces (S, 3) [N]
 Unknowns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
-from scipy.special import erf
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
+from gelforge.mechanics.laws import softening
 from gelforge.mismatch.model.context import Context
 from gelforge.mismatch.model.effect import Shape
 from gelforge.mismatch.model.solver_effects import has_none_of, solved
@@ -57,7 +57,7 @@ def lost_share(context: Context, m: float) -> np.ndarray:
     """
     lost = np.zeros(len(context.observations.table))
     for rows, W, peak in histories(context, Energies(context)):
-        lost[rows] = erf((peak - W) / (m + BETA * peak)).mean(axis=1)
+        lost[rows] = softening.lost_share(W, peak, m, BETA).mean(axis=1)
     return lost
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from gelforge.config import Study, changed_study
 from gelforge.indentation.effects.catalogue import with_keys
+from gelforge.mechanics.contact.forces import friction_coefficient
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.context import Context
@@ -81,9 +82,7 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
 def _share(study: Study, pressures: np.ndarray) -> np.ndarray:
     """Return the coefficient (G,) at pressures (G,) [MPa] over mechanics.friction, as the study has it."""
     contact = study.mechanics.effects.contact
-    terms = [(contact.pressure_exponent, contact.reference_pressure_MPa)]
-    terms += [(term.exponent, term.reference_pressure_MPa) for term in contact.pressure_terms]
-    return np.prod([(1 + pressures / p) ** -n for n, p in terms], axis=0)
+    return friction_coefficient(pressures, 1.0, contact.friction_exponents, contact.friction_pressures_MPa)
 
 
 def _with_friction(study: Study, references: Sequence[float], basis: np.ndarray, change: np.ndarray) -> Study:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import erf
 
-from gelforge.materials.covariates.circumstances import CIRCUMSTANCES
+from gelforge.materials.covariates.effects import AGE, TEMPERATURE
+from gelforge.mechanics.laws.softening import lost_share
 from gelforge.mismatch.material.material_readings import Change, Readings
 from gelforge.mismatch.material.relaxation import LEGENDRE, viscoelastic
 from gelforge.mismatch.material.stress_readings import Path, StressTests
@@ -62,7 +62,7 @@ def softenings(W: np.ndarray, largest: np.ndarray, rows: np.ndarray | float = 1.
     top = float(largest.max())
     return [
         factor(
-            "mullins", SOFTENING, -erf((largest - W) / (m * top + beta * largest)) * rows,
+            "mullins", SOFTENING, -lost_share(W, largest, m * top, beta) * rows,
             {"m_of_largest_energy": m, "beta": beta},
         )
         for m, beta in SOFTENINGS
@@ -90,7 +90,7 @@ def dated(tests: StressTests) -> list[Change]:
     s = np.clip(tests.readings.table["share"].to_numpy(), 0.0, 1.0)
     bent = np.column_stack([np.ones_like(s), *(polynomial(s) for polynomial in LEGENDRE)])
     laws = {"size": (SIZE,), "size and shape": (SIZE, *SHAPE)}
-    for attribute, alike, unit in (("age_days", CIRCUMSTANCES[1].alike, "days"), ("dose", 0.0, "doses")):
+    for attribute, alike, unit in (("age_days", AGE.alike, "days"), ("dose", 0.0, "doses")):
         x, span = _circumstance(tests, attribute, alike)
         for what, law in laws.items() if span else ():
 
@@ -107,7 +107,7 @@ def dated(tests: StressTests) -> list[Change]:
 
 def temperature(tests: StressTests) -> list[Change]:
     """Return the influence of the temperature: the whole stress of a test by a factor, linear in kelvin."""
-    x, span = _circumstance(tests, "temperature_C", CIRCUMSTANCES[2].alike)
+    x, span = _circumstance(tests, "temperature_C", TEMPERATURE.alike)
     if span is None:
         return []
     source = "0.3 % per kelvin of an ideal rubber, some per cent of an adhesive"

@@ -12,10 +12,11 @@ import numpy as np
 import pandas as pd
 
 from gelforge.materials.basis.common_form import MaterialTest
-from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, alike_groups
-from gelforge.materials.covariates.effects import NEGLIGIBLE, scatter_between
+from gelforge.materials.basis.statistics import row_noise
+from gelforge.materials.covariates.circumstances import alike_groups
+from gelforge.materials.covariates.effects import NEGLIGIBLE, RATE, scatter_between
 from gelforge.materials.fitting.curves import mean_curves, monotonic_loading
-from gelforge.materials.plausibility.findings import STRAIN_AT_START, row_noise
+from gelforge.materials.plausibility.findings import STRAIN_AT_START
 from gelforge.mismatch.material.material_law import BaseLaw, base_law
 from gelforge.mismatch.material.material_readings import (
     FORCE_CLASS,
@@ -108,7 +109,7 @@ def fastest_loading(tests: list[MaterialTest]) -> MaterialTest | None:
     loading = [t for t in tests if t.rate_per_s and t.cycle in (None, 1) and _loads(t)]
     loading = [t for t in loading if len(monotonic_loading([t])[0])]
     rates = [float(t.rate_per_s or 0.0) for t in loading]
-    alike = [t for t, rate in zip(loading, rates) if np.log10(max(rates) / rate) <= CIRCUMSTANCES[0].alike]
+    alike = [t for t, rate in zip(loading, rates) if np.log10(max(rates) / rate) <= RATE.alike]
     return min(
         alike, key=lambda t: (t.dose or 0.0, t.age_days or 0.0, -_reach(t), t.sample), default=None
     )  # fmt: skip

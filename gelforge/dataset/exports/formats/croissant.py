@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.dataset.card import croissant_metadata
-from gelforge.dataset.exports.card import summary, title
+from gelforge.dataset.card import croissant_metadata, file_object, summary
+from gelforge.dataset.exports.card import title
 from gelforge.dataset.exports.export import Export, Options
 from gelforge.dataset.exports.formats import huggingface
 from gelforge.dataset.exports.source import Source, Variable
@@ -32,16 +32,7 @@ def metadata(source: Source, folder: Path, options: Options) -> dict:
     """Return the JSON-LD of a folder that holds the Parquet files already."""
     files = sorted((folder / "data").glob("*.parquet"))
     objects = [
-        {
-            "@type": "cr:FileObject",
-            "@id": path.name,
-            "name": path.name,
-            "contentUrl": f"data/{path.name}",
-            "contentSize": f"{path.stat().st_size} B",
-            "encodingFormat": PARQUET,
-            "sha256": file_sha256(path),
-        }
-        for path in files
+        file_object(path.name, path.stat().st_size, PARQUET, file_sha256(path), "data/") for path in files
     ]
     together = {
         "@type": "cr:FileSet",
@@ -52,7 +43,7 @@ def metadata(source: Source, folder: Path, options: Options) -> dict:
         "includes": "data/*.parquet",
     }
     return croissant_metadata(
-        source.manifest["study"], summary(source), options.licence, options.published
+        source.manifest["study"], summary(source.manifest), options.licence, options.published
     ) | {
         "alternateName": title(source),
         "distribution": [*objects, together],

@@ -18,8 +18,10 @@ from gelforge.files import write_json, write_text
 from gelforge.progress import tracked
 
 VERSION = "v3.0"
-FILE_MB = 100  # of Parquet, as LeRobot's own files
+# Of Parquet: LeRobot's DEFAULT_DATA_FILE_SIZE_IN_MB (lerobot/datasets/utils.py).
+FILE_MB = 100
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+# LeRobot's DEFAULT_CHUNK_SIZE (lerobot/datasets/utils.py).
 CHUNK_FILES = 1000
 SMALL = 10  # entries of columns whose statistics stand by episode too; of larger ones they would outweigh the data
 WRENCH = ["fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm"]
@@ -137,9 +139,9 @@ def _counted(
         for name, variable in variables.items():
             of_all[name].add(block[name])
             if variable.kind == "image" or np.prod(variable.shape) <= SMALL:
-                own = _Statistics(variable)
-                own.add(block[name])
-                found[name] = own.summary()
+                of_episode = _Statistics(variable)
+                of_episode.add(block[name])
+                found[name] = of_episode.summary()
         of_each.append(found)
         yield block
 

@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from gelforge import __version__
-from gelforge.dataset.card import METHOD
-from gelforge.dataset.exports.card import summary, title
+from gelforge.dataset.card import METHOD, summary
+from gelforge.dataset.exports.card import title
 from gelforge.dataset.exports.export import Export, Options
 from gelforge.dataset.exports.formats import huggingface
 from gelforge.dataset.exports.source import Source
@@ -54,7 +54,7 @@ def metadata(source: Source, folder: Path, options: Options) -> dict:
         "@id": "./",
         "@type": "Dataset",
         "name": title(source),
-        "description": summary(source),
+        "description": summary(source.manifest),
         "datePublished": published,
         "license": options.licence or UNKNOWN,
         "isBasedOn": f"urn:sha256:{source.manifest_sha256}",

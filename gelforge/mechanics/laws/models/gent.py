@@ -122,12 +122,10 @@ FAMILY = GentFamily()
 class GentParameters(GivenParameters):
     """Gent's model W = -mu Jm/2 ln(1 - (I1 - 3)/Jm), as in ANSYS; initial shear modulus mu."""
 
+    family = FAMILY
     law: Literal["gent"] = Field(description="constitutive model")
     mu_kPa: Positive = Field(description="initial shear modulus [kPa]")
     Jm: Positive = Field(description="limit of I1 - 3 [-]")
-
-    def constitutive_model(self):
-        return FAMILY.law_of(np.array([self.mu_kPa, self.Jm]))
 
 
 MODEL = Model(

@@ -9,16 +9,16 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gelforge.mechanics.laws.family import LinearFamily, first_invariant
-from gelforge.mechanics.laws.law import InvariantLaw, check_constants
+from gelforge.mechanics.laws.law import check_constants
 from gelforge.mechanics.laws.model import Model
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.laws.parameters import GivenParameters
-from gelforge.mechanics.laws.polynomial import polynomial_point
+from gelforge.mechanics.laws.polynomial import PolynomialLaw
 from gelforge.section import Positive
 
 
 @dataclass(frozen=True)
-class MooneyRivlin(InvariantLaw):
+class MooneyRivlin(PolynomialLaw):
     r"""The Mooney-Rivlin law W = C_10 (I_1 - 3) + C_01 (I_2 - 3) (Mooney 1940, doi 10.1063/1.1712836).
 
     C_10 > 0 and C_01 >= 0 [MPa] make it stable at every deformation; the shear modulus is 2 (C_10 + C_01).
@@ -28,7 +28,6 @@ class MooneyRivlin(InvariantLaw):
     C01: float
 
     name = "mooney_rivlin"
-    point = staticmethod(polynomial_point)
 
     def __post_init__(self):
         check_constants("Mooney-Rivlin", positive={"C10": self.C10}, not_negative={"C01": self.C01})
@@ -40,12 +39,6 @@ class MooneyRivlin(InvariantLaw):
     def stiffening_faster(self, factor):
         terms = [(2 * C, a) for C, a in ((self.C10, 2.0), (-self.C01, -2.0)) if C]
         return Ogden(*zip(*terms)).stiffening_faster(factor)
-
-    def invariant_energy(self, I1, I2):
-        return self.C10 * (I1 - 3) + self.C01 * (I2 - 3)
-
-    def invariant_first(self, I1, I2):
-        return self.C10, self.C01
 
 
 class MooneyRivlinFamily(LinearFamily):
@@ -65,6 +58,7 @@ FAMILY = MooneyRivlinFamily()
 class MooneyRivlinParameters(GivenParameters):
     """The Mooney-Rivlin model W = C10 (I1 - 3) + C01 (I2 - 3), as in Abaqus, ANSYS; initial shear modulus 2 (C10 + C01)."""
 
+    family = FAMILY
     law: Literal["mooney_rivlin"] = Field(description="constitutive model")
     C10_kPa: Positive = Field(description="C10, as in Abaqus and ANSYS [kPa]")
     C01_kPa: float = Field(description="C01, as in Abaqus and ANSYS [kPa]")
@@ -77,9 +71,6 @@ class MooneyRivlinParameters(GivenParameters):
                 "needed, describe the tests by law: yeoh or ogden instead"
             )
         return self
-
-    def constitutive_model(self):
-        return FAMILY.law_of(np.array([self.C10_kPa, self.C01_kPa]))
 
 
 MODEL = Model(

@@ -5,26 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
 from pydantic import Field
 
 from gelforge.mechanics.laws.family import LinearFamily, first_invariant
-from gelforge.mechanics.laws.law import InvariantLaw, check_constants
+from gelforge.mechanics.laws.law import check_constants
 from gelforge.mechanics.laws.model import Model
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.mechanics.laws.parameters import GivenParameters
-from gelforge.mechanics.laws.polynomial import polynomial_point
+from gelforge.mechanics.laws.polynomial import PolynomialLaw
 from gelforge.section import Positive
 
 
 @dataclass(frozen=True)
-class NeoHooke(InvariantLaw):
+class NeoHooke(PolynomialLaw):
     r"""The neo-Hookean law W = mu/2 (I_1 - 3) (Treloar 1943); mu > 0 is the shear modulus [MPa]."""
 
     mu: float
 
     name = "neo_hooke"
-    point = staticmethod(polynomial_point)
 
     def __post_init__(self):
         check_constants("Neo-Hooke", positive={"mu": self.mu})
@@ -35,12 +33,6 @@ class NeoHooke(InvariantLaw):
 
     def stiffening_faster(self, factor):
         return Ogden((self.mu,), (2.0,)).stiffening_faster(factor)
-
-    def invariant_energy(self, I1, I2):
-        return self.mu / 2 * (I1 - 3)
-
-    def invariant_first(self, I1, I2):
-        return self.mu / 2, 0.0
 
 
 class NeoHookeFamily(LinearFamily):
@@ -59,11 +51,9 @@ FAMILY = NeoHookeFamily()
 class NeoHookeParameters(GivenParameters):
     """The neo-Hookean model W = mu/2 (I1 - 3); C10 of Abaqus is mu/2, mu of ANSYS is mu."""
 
+    family = FAMILY
     law: Literal["neo_hooke"] = Field(description="constitutive model")
     mu_kPa: Positive = Field(description="initial shear modulus, twice the C10 of Abaqus [kPa]")
-
-    def constitutive_model(self):
-        return FAMILY.law_of(np.array([self.mu_kPa]))
 
 
 MODEL = Model(

@@ -9,15 +9,15 @@ import numpy as np
 from pydantic import Field
 
 from gelforge.mechanics.laws.family import LinearFamily, first_invariant
-from gelforge.mechanics.laws.law import InvariantLaw, check_constants
+from gelforge.mechanics.laws.law import check_constants
 from gelforge.mechanics.laws.model import Model
 from gelforge.mechanics.laws.parameters import GivenParameters
-from gelforge.mechanics.laws.polynomial import polynomial_point
+from gelforge.mechanics.laws.polynomial import PolynomialLaw
 from gelforge.section import Positive
 
 
 @dataclass(frozen=True)
-class Yeoh(InvariantLaw):
+class Yeoh(PolynomialLaw):
     r"""Yeoh's law W = sum_k C_k0 (I_1 - 3)^k, k = 1..3 (Yeoh 1993, doi 10.5254/1.3538343, eq. 4).
 
     The shear modulus is 2 C_10 > 0 [MPa]. C_20 is often negative (the stress-stretch curve is S-shaped), C_30 < 0 softens
@@ -29,7 +29,6 @@ class Yeoh(InvariantLaw):
     C30: float
 
     name = "yeoh"
-    point = staticmethod(polynomial_point)
 
     def __post_init__(self):
         check_constants("Yeoh", positive={"C10": self.C10}, free={"C20": self.C20, "C30": self.C30})
@@ -41,17 +40,6 @@ class Yeoh(InvariantLaw):
     def stiffening_faster(self, factor):
         """I_1 - 3 is multiplied beyond the first order."""
         return Yeoh(self.C10, self.C20 * factor, self.C30 * factor**2)
-
-    def invariant_energy(self, I1, I2):
-        x = I1 - 3
-        return x * (self.C10 + x * (self.C20 + x * self.C30))
-
-    def invariant_first(self, I1, I2):
-        x = I1 - 3
-        return self.C10 + x * (2 * self.C20 + x * 3 * self.C30), 0.0
-
-    def invariant_second(self, I1, I2):
-        return 2 * self.C20 + 6 * self.C30 * (I1 - 3), 0.0, 0.0
 
 
 class YeohFamily(LinearFamily):
@@ -74,13 +62,11 @@ class YeohParameters(GivenParameters):
     C20 and C30 may be negative: an indentation is refused where the model is unstable at stretches that it may reach.
     """
 
+    family = FAMILY
     law: Literal["yeoh"] = Field(description="constitutive model")
     C10_kPa: Positive = Field(description="C10, half the initial shear modulus, as in Abaqus and ANSYS [kPa]")
     C20_kPa: float = Field(0.0, description="C20, as in Abaqus and ANSYS [kPa]")
     C30_kPa: float = Field(0.0, description="C30, as in Abaqus and ANSYS [kPa]")
-
-    def constitutive_model(self):
-        return FAMILY.law_of(np.array([self.C10_kPa, self.C20_kPa, self.C30_kPa]))
 
 
 MODEL = Model(

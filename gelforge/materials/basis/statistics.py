@@ -1,0 +1,67 @@
+"""Statistics that the analyses of material tests share: means over samples, the noise of rows, resampled residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+# Of a normal deviate: standard deviation over median absolute deviation, 1 / Phi^-1(3/4) (Rousseeuw & Croux 1993,
+# doi 10.1080/01621459.1993.10476408).
+SIGMA_OF_MEDIAN = 1.4826
+
+
+@dataclass(frozen=True)
+class Mean:
+    """A mean with its 95 % interval (Student's t) and the scatter of single values."""
+
+    value: float
+    interval: tuple[float, float]
+    deviation: float
+    count: int
+
+    @property
+    def standard_error(self) -> float:
+        """Return the standard error of the mean."""
+        return self.deviation / np.sqrt(self.count)
+
+
+def mean_of(values) -> Mean:
+    """Return the mean of at least two values with its interval."""
+    values = np.asarray(values, dtype=float)
+    deviation = float(values.std(ddof=1))
+    half = stats.t.ppf(0.975, len(values) - 1) * deviation / np.sqrt(len(values))
+    mean = float(values.mean())
+    return Mean(mean, (float(mean - half), float(mean + half)), deviation, len(values))
+
+
+def row_noise(values: np.ndarray, least: int = 5) -> float:
+    """Return the standard deviation of one row about the line through its neighbours (robust), 0 for fewer rows than least.
+
+    The deviation of a row from its neighbours' mean has 3/2 of the variance of a row.
+    """
+    if len(values) < least:
+        return 0.0
+    off = values[1:-1] - (values[:-2] + values[2:]) / 2
+    return float(SIGMA_OF_MEDIAN * np.median(np.abs(off)) / np.sqrt(1.5))
+
+
+def resampled(model: np.ndarray, residual: np.ndarray, draws: int, rng) -> Iterator[np.ndarray]:
+    """Yield a model (n,) with resampled blocks of its residuals (n,), `draws` times; neighbours stay together.
+
+    Blocks are n^(1/3) rows long (Kuensch 1989, doi 10.1214/aos/1176347265) and run over the end into the beginning.
+    """
+    n = len(model)
+    block = max(1, round(n ** (1 / 3)))
+    for _ in range(draws):
+        starts = rng.integers(0, n, size=-(-n // block))
+        drawn = np.concatenate([np.arange(start, start + block) % n for start in starts])[:n]
+        yield model + residual[drawn]
+
+
+def percentile_interval(values) -> tuple[float, float]:
+    """Return the ends of the central 95 % of draws; what is NaN does not count."""
+    low, high = np.nanquantile(values, [0.025, 0.975])
+    return float(low), float(high)
