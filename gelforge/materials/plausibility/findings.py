@@ -12,6 +12,7 @@ import numpy as np
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.segments import TOLERANCE, largest_back_step
 from gelforge.materials.basis.stresses import neo_hookean_shape
+from gelforge.materials.plausibility.noise import row_noise
 from gelforge.materials.plausibility.rest_force import rest_words
 
 FEW_ROWS = 20  # below, the scatter of a fit rests on too few residuals
@@ -130,13 +131,6 @@ def rest_stress(test: MaterialTest) -> tuple[float, float] | None:
     if last > 1:
         return float(stress.mean()), float(stress.std(ddof=1) / np.sqrt(last))
     return float(stress.mean()), row_noise(test.nominal_stress)
-
-
-def row_noise(stress: np.ndarray) -> float:
-    """Return the standard deviation of one row about the line through its neighbours (robust), 0 for few rows."""
-    if len(stress) < 5:
-        return 0.0
-    return float(1.4826 * np.median(np.abs(stress[1:-1] - (stress[:-2] + stress[2:]) / 2)) / np.sqrt(1.5))
 
 
 def _moved(test: MaterialTest, shift: float) -> MaterialTest:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest
-from gelforge.materials.plausibility.findings import row_noise
+from gelforge.materials.plausibility.noise import row_noise
 from gelforge.materials.small_tests.microindentation import contact_point
 from gelforge.materials.small_tests.trials import from_rest, pressed_rows
 from gelforge.mismatch.material.material_effects import factor, softenings

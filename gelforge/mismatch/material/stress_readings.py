@@ -15,7 +15,8 @@ from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.covariates.circumstances import CIRCUMSTANCES, alike_groups
 from gelforge.materials.covariates.effects import NEGLIGIBLE, scatter_between
 from gelforge.materials.fitting.curves import mean_curves, monotonic_loading
-from gelforge.materials.plausibility.findings import STRAIN_AT_START, row_noise
+from gelforge.materials.plausibility.findings import STRAIN_AT_START
+from gelforge.materials.plausibility.noise import row_noise
 from gelforge.mismatch.material.material_law import BaseLaw, base_law
 from gelforge.mismatch.material.material_readings import (
     FORCE_CLASS,
