@@ -98,9 +98,14 @@ def known_unit(text: str) -> str:
 
 
 def unit_in_header(column: str) -> str | None:
-    """Return the key of UNITS that the name of a column ends in, as Load (N) or load_N; None where it names none."""
-    found = re.search(r"[\[({]\s*([^\[\](){}]+?)\s*[\])}]\s*$|_([A-Za-z]{1,3})$", column)
-    return unit_named(found.group(1) or found.group(2)) if found else None
+    """Return the key of UNITS that the name of a column ends in, as Load (N), Load / N, Load in N, "Load, N" or load_N.
+
+    None where it names none.
+    """
+    found = re.search(
+        r"[\[({]\s*([^\[\](){}]+?)\s*[\])}]\s*$|_([A-Za-z]{1,3})$|(?: /| in|,) ?(\S+)\s*$", column
+    )
+    return unit_named(next(filter(None, found.groups()))) if found else None
 
 
 def looks_like_a_unit(text: str) -> bool:

@@ -123,6 +123,13 @@ sessions:
   - {session: day, date: '2026-03-02', share: 1.0, seed: 1}
 material_tests: {samples: 3, stiffness_scatter: 0.02, noise: 0.005, seed: 7}
 """
+LOGS_MAPPING = """\
+describes: logs of a stage and a force sensor, SYNTHETIC
+force: {file: ft.csv, time: {column: time_s, unit: s}, columns: [fx_N, fy_N, fz_N], unit: N}
+stage: {file: stage.csv, time: {column: time_s, unit: s}, x: x_mm, y: y_mm, z: z_mm, unit: mm, pressing: -z}
+depth_zero: session
+session: {sensor: S1, indenter: ball, synthetic: true, force: {acts_on: sensor}}
+"""
 FORCES = ("fx_N", "fy_N", "fz_N")
 PLACES = ("x_mm", "y_mm", "depth_mm")
 INPUTS = [
@@ -149,6 +156,12 @@ INPUTS = [
     Input("mapping.yaml", "foreign"),
     Input("data/exports/strip_1.csv", "foreign", ("Zeit", "Weg", "Kraft"), ";"),
 ]
+EXPORT = INPUTS[-1]
+LOGS = [
+    Input("ft.csv", "logs", ("time_s", *FORCES)),
+    Input("stage.csv", "logs", ("time_s", "x_mm", "y_mm", "z_mm")),
+]
+SURFACE = Input("ball.obj", "surface")
 
 
 def write_world(folder: Path) -> None:
@@ -159,6 +172,7 @@ def write_world(folder: Path) -> None:
         "indenter.yaml": INDENTER,
         "mapping.yaml": MAPPING,
         "lab.yaml": LAB,
+        "logs.yaml": LOGS_MAPPING,
     }.items():
         (folder / name).write_text(text)
     (folder / "synthetic.yaml").write_text(
@@ -169,6 +183,8 @@ def write_world(folder: Path) -> None:
     (folder / "plan.csv").write_text("\n".join(["cell,x_mm,y_mm,depth_mm", *rows]) + "\n")
     _write_tests(folder / "data/materials/gel")
     _write_exports(folder / "data/exports")
+    _write_logs(folder)
+    _write_ball(folder / "ball.obj")
     for seed, name in enumerate(("day", "night")):
         _write_recording(folder / "data/recordings" / name, seed, images=name == "day", log=name == "night")
 
@@ -226,6 +242,47 @@ def _write_exports(folder: Path) -> None:
             *(r.replace(".", ",") for r in rows),
         ]
         (folder / f"strip_{k}.csv").write_text("\n".join(lines) + "\n")
+
+
+def _write_logs(folder: Path) -> None:
+    """Write the logs of a stage and of a force sensor whose clock shows 0.4 s more."""
+    rng = np.random.default_rng(8)
+    corners, at = [(0.0, 1.5)], []  # time, height above the surface
+    for depth in (0.6, 1.0, 0.8, 0.5, 0.9):
+        start = corners[-1][0] + rng.uniform(1.0, 1.6)
+        down, wait = (1.5 + depth) / 2, rng.uniform(1.0, 1.6)
+        ends = np.cumsum([start, down, wait, down])
+        corners += list(zip(ends, (1.5, -depth, -depth, 1.5)))
+        at.append(ends[-1] + 0.4)
+    times, heights = np.array([*corners, (corners[-1][0] + 1.5, 1.5)]).T
+    stage = np.arange(0, times[-1], 1 / 40)
+    number = np.searchsorted(at, stage)
+    z = 30 + np.interp(stage, times, heights) + rng.normal(0, 3e-4, len(stage))
+    columns = {"time_s": stage, "x_mm": 10 + 3.0 * number, "y_mm": 12 + 0.0 * number, "z_mm": z}
+    _table(folder / "stage.csv", columns, "{:.7g}")
+    clock = np.arange(0.2, times[-1] - 0.2, 1 / 100)
+    push = 1.2 * np.maximum(-np.interp(clock, times, heights), 0) ** 1.5
+    force = {
+        name: offset + share * push + rng.normal(0, 2e-3, len(clock))
+        for name, offset, share in zip(FORCES, (0.2, -0.1, 0.6), (0.02, 0.01, -1.0))
+    }
+    _table(folder / "ft.csv", {"time_s": clock + 0.4} | force, "{:.7g}")
+
+
+def _write_ball(path: Path, radius: float = 5.0, rings: int = 10, sides: int = 16) -> None:
+    """Write a ball of quadrilaterals with a polygon at each pole."""
+    polar, around = np.arange(1, rings) * np.pi / rings, np.arange(sides) * 2 * np.pi / sides
+    points = [
+        radius * np.array([np.sin(p) * np.cos(a), np.sin(p) * np.sin(a), np.cos(p)])
+        for p in polar
+        for a in around
+    ]
+    ring = [[i * sides + k + 1 for k in range(sides)] for i in range(rings - 1)]
+    faces = [ring[0], ring[-1][::-1]]
+    for upper, lower in zip(ring, ring[1:]):
+        faces += [[upper[k - 1], lower[k - 1], lower[k], upper[k]] for k in range(sides)]
+    lines = ["v " + " ".join(f"{c:.6f}" for c in point) for point in points]
+    path.write_text("\n".join([*lines, *("f " + " ".join(map(str, face)) for face in faces)]) + "\n")
 
 
 def _write_recording(folder: Path, seed: int, images: bool, log: bool) -> None:

@@ -13,11 +13,12 @@ What came of it:
   (`table_mutants.NOISE`; a fit averages it), a reading of a material test that stands twice, presses counted in thousands,
   a sensor without a wall, the length of an indenter's shaft;
 - changed: accepted with another result, although nobody can have meant the file: must not be;
-- traceback, long message (a line above 2 kB, or more lines), hang (two minutes; a mutant takes a second): must not be.
+- traceback, long message (a line above 2 kB, or more lines), hang (two minutes; a mutant takes a second): must not be;
+- wrongly refused: a right neighbour of a fault (`people_mutants`) is not accepted: must not be.
 
 What decides the labels is: of study, sensor, indenter and plan the digest of every cell's inputs; of a recording all
 readings that are written for the join; of material tests the law, its covariance and the measured effects; of a mapping the
-tests as read.
+tests as read; of logs the readings of the session, to 2 um and 2 mN; of a surface its volume and size.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from benchmarks.fault_kinds import table_mutants, yaml_mutants
-from benchmarks.fault_kinds.input_world import INPUTS, Input, write_world
+from benchmarks.fault_kinds import people_mutants, table_mutants, yaml_mutants
+from benchmarks.fault_kinds.input_world import EXPORT, INPUTS, LOGS, SURFACE, Input, write_world
 from benchmarks.fault_kinds.outcomes import LIMIT_S, LONGEST_MESSAGE, MOST_ERRORS, Fault, report
 from benchmarks.fault_kinds.table_mutants import Mutant, Table
 
@@ -49,6 +50,8 @@ from benchmarks.fault_kinds.table_mutants import Mutant, Table
 class Hang(BaseException):
     """A mutant took longer than LIMIT_S."""
 
+
+LOG_ATOL = 2e-3  # mm and N, of readings at times that an epoch's stamps move by a microsecond
 
 Command = Callable[[], int]  # returns the exit status and prints what it says
 
@@ -120,6 +123,62 @@ def _foreign() -> object:
     return list(arrays)
 
 
+def _import_logs() -> int:
+    """Make a session of the logs and check it, as `import` does, without its page, which takes a second."""
+    from gelforge.importing.importer import import_logs, write_imported
+    from gelforge.recording.readings import read_recording
+
+    try:
+        session = Path("out/logs")
+        session.mkdir(parents=True)
+        write_imported(session, import_logs("logs.yaml", "logs"))
+        found = read_recording(session).findings
+        print("excluded" if found.of("excluded") else "")
+    except ValueError as error:
+        if not type(error).__module__.startswith("gelforge."):
+            raise
+        print(f"gelforge: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _logged() -> object:
+    from gelforge.recording.readings import read_recording
+
+    readings = read_recording(Path("out/logs")).readings
+    held = readings[readings["phase"].isin(["load", "dwell"])]
+    return held[["x_mm", "y_mm", "depth_mm", "fx_N", "fy_N", "fz_N"]].to_numpy()
+
+
+def _same(found: object, control: object) -> bool:
+    if isinstance(found, np.ndarray) and isinstance(control, np.ndarray):
+        return found.shape == control.shape and np.allclose(
+            found, control, rtol=0, atol=LOG_ATOL, equal_nan=True
+        )
+    return found == control
+
+
+def _read_surface() -> int:
+    try:
+        _body()
+    except ValueError as error:
+        print(f"gelforge: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _body() -> object:
+    """Return volume and size of the closed surface."""
+    from gelforge.indentation.sensor.indenter_shapes import read_triangles
+    from gelforge.mechanics.indenters.closed_surface import closed_surface
+
+    points, triangles = read_triangles(Path("ball.obj"))
+    closed_surface(points, triangles, 0.2)
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+    return [round(volume, 3), np.ptp(points[np.unique(triangles)], axis=0).round(4).tolist()]
+
+
 CHECK = _main("check", "study.yaml", "--picture", "out/p.png")
 # by name: the commands that read a file, the quickest first, and what decides the labels
 COMMANDS: dict[str, tuple[tuple[Command, ...], Callable[[], object]]] = {
@@ -135,6 +194,8 @@ COMMANDS: dict[str, tuple[tuple[Command, ...], Callable[[], object]]] = {
     ),
     "gel": ((_main("fit-law", "--study", "study.yaml", "--material", "gel", "--out", "out/gel"),), _law),
     "foreign": ((_read_exports,), _foreign),
+    "logs": ((_import_logs,), _logged),
+    "surface": ((_read_surface,), _body),
 }
 
 
@@ -178,8 +239,8 @@ def judged(kind: str, of: Input, mutant: Mutant, control: object) -> Fault:
     how, said, found = tried(of.command)
     what = f"{of.path}: {mutant.what}"
     if how:
-        return Fault(kind, what, how, said)
-    if found == control:
+        return Fault(kind, what, "wrongly refused" if mutant.honest and how == "refused" else how, said)
+    if _same(found, control):
         return Fault(kind, what, "unchanged", said)
     if "excluded" in said:
         return Fault(kind, what, "excluded", said)
@@ -206,6 +267,12 @@ def mutants(rng: np.random.Generator, contents: dict[str, bytes]) -> Iterator[tu
         noise = rng.integers(0, 256, int(rng.integers(0, 4000)), dtype=np.uint8).tobytes()
         yield "file: random bytes", of, Mutant(noise, f"holds {len(noise)} random bytes")
         yield "file: pipe, device, folder, nothing", INPUTS[rng.integers(len(INPUTS))], Mutant(b"", "")
+        for name, mutate in people_mutants.LOGS.items():
+            of = LOGS[rng.integers(2) if name != "counts" else 0]
+            yield f"log: {name}", of, mutate(Table(contents[of.path], of), rng)
+        for name, mutate in people_mutants.CURVES.items():
+            yield f"curve: {name}", EXPORT, mutate(Table(contents[EXPORT.path], EXPORT), rng)
+        yield "surface", SURFACE, people_mutants.surface(contents[SURFACE.path], rng)
 
 
 SPECIAL = ("a pipe", "an endless device", "a folder", "nothing", "a link to itself")
@@ -239,7 +306,7 @@ def run_all(
         os.chdir(folder)
         try:
             write_world(Path(folder))
-            contents = {one.path: Path(one.path).read_bytes() for one in INPUTS}
+            contents = {one.path: Path(one.path).read_bytes() for one in (*INPUTS, *LOGS, SURFACE)}
             controls = {}
             for command in COMMANDS:
                 how, said, controls[command] = tried(command, 0)  # the first compiles
@@ -271,11 +338,9 @@ def run(asked: argparse.Namespace) -> int:
     if asked.list:
         kinds = [f"table: {name}" for name in table_mutants.MUTATIONS]
         kinds += [f"YAML: {name}" for name in yaml_mutants.MUTATIONS]
-        print(
-            "\n".join(
-                [*kinds, "file: another's", "file: random bytes", "file: pipe, device, folder, nothing"]
-            )
-        )
+        kinds += ["file: another's", "file: random bytes", "file: pipe, device, folder, nothing"]
+        kinds += [f"log: {name}" for name in people_mutants.LOGS]
+        print("\n".join([*kinds, *(f"curve: {name}" for name in people_mutants.CURVES), "surface"]))
         return 0
 
     def show(fault: Fault) -> None:

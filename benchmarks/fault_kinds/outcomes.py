@@ -19,7 +19,7 @@ RIGHT = ("refused", "unchanged")
 # of inputs also: left out and told, or a file that a person could have meant (see inputs.py)
 RIGHT_OF_INPUTS = ("excluded", "meant")
 # outcomes that must not be
-WRONG = ("changed", "traceback", "long message", "hang")
+WRONG = ("changed", "traceback", "long message", "hang", "wrongly refused")
 
 
 @dataclass(frozen=True)
@@ -75,10 +75,7 @@ def table(faults: Sequence[Fault]) -> str:
     found = {fault.outcome for fault in faults}
     names = [*RIGHT, *(name for name in RIGHT_OF_INPUTS if name in found), *WRONG]
     kinds = list(dict.fromkeys(fault.kind for fault in faults))
-    lines = [
-        "| " + " | ".join(["kind", "faults", *names]) + " |",
-        "|---|" + "---:|" * (len(names) + 1),
-    ]
+    lines = ["| " + " | ".join(["kind", "faults", *names]) + " |", "|---|" + "---:|" * (len(names) + 1)]
     for kind in [*kinds, "all"]:
         counted = Counter(fault.outcome for fault in faults if kind in (fault.kind, "all"))
         lines.append(

@@ -12,11 +12,12 @@ from benchmarks.fault_kinds.input_world import Input
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mutated file: its bytes, what was done, and whether a person could mean it."""
+    """One mutated file: its bytes, what was done, whether a person could mean it, and whether it has to be accepted."""
 
     content: bytes
     what: str
     can_be_meant: bool = False  # see the docstring of inputs.py
+    honest: bool = False  # a right neighbour
 
 
 class Table:

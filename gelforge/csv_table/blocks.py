@@ -13,7 +13,7 @@ from gelforge.csv_table.table import CsvForm, lines_of, names_all
 
 
 def blocks(path: Path, needed: Sequence[str], form: CsvForm) -> list[tuple[str, CsvForm]]:
-    """Return the title and the form of each table of a file whose header stands again, alike, above every one.
+    """Return the title and the form of each table of a file whose header stands again above every one.
 
     The title is the first text between two tables, "" where there is none. A file with one header is one block.
     """
@@ -23,14 +23,14 @@ def blocks(path: Path, needed: Sequence[str], form: CsvForm) -> list[tuple[str, 
     lines = lines_of(path, form)
     heads = [i for i in range(form.skip_rows, len(lines)) if names_all(lines[i], separator, needed)]
     heads = [i for i in heads if lines[i].strip().startswith(form.header_begins_with or "")]
-    if len(heads) < 2 or any(lines[i].strip() != lines[heads[0]].strip() for i in heads):
+    if len(heads) < 2:
         return [("", form)]
-    columns = [_cells(lines[heads[0]], separator).index(name) for name in needed]
     signs = Signs(form.decimal or ".", form.thousands)
     found, above = [], []  # above: the lines between two tables
     title_from = form.skip_rows
     for head, after in zip(heads, [*heads[1:], len(lines)]):
-        last = after
+        last, names = after, _cells(lines[head], separator)
+        columns = [names.index(name) for name in needed]
         while last > head + 1 and not _holds_numbers(lines[last - 1], separator, columns, signs):
             last -= 1
         if last == head + 1:  # a header without rows is none of a specimen

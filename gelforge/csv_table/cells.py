@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 CLOCK = "h:mm:ss"  # the unit of such a column: 1:02:03.5, or 62:03.5
+DAY_S = 24 * 3600.0  # after which a clock shows 0:00:00 again
 TIME_OF_CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d{2}(?:\.\d*)?)")
-SPACES = " \u00a0\u202f"  # between thousands, as programs write them
-LIKELY_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([,.' \u00a0\u202f])\d{3})+(?:([.,])\d*)?")
+# no-break, thin and narrow spaces, apostrophe and minus sign, as programs set them
+PLAIN = str.maketrans("\u00a0\u2009\u202f\u2019\u2212", "   '-")
+LIKELY_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([,.' ])\d{3})+(?:[.,]\d*)?")
 
 
 class TableError(ValueError):
@@ -27,13 +29,12 @@ class Signs:
 
     def number(self, text: str) -> float:
         """Return a text as a number, NaN for what is none."""
+        if not text.isascii():
+            text = text.translate(PLAIN)
         if self.thousands:
-            group = self._between
-            grouped = re.fullmatch(
-                rf"([+-]?\d{{1,3}}(?:{group}\d{{3}})*)({re.escape(self.decimal)}.*)?", text
-            )
-            if grouped:
-                text = re.sub(group, "", grouped.group(1)) + (grouped.group(2) or "")
+            group = re.escape(self.thousands)
+            if re.fullmatch(rf"[+-]?\d{{1,3}}(?:{group}\d{{3}})*(?:{re.escape(self.decimal)}\d*)?", text):
+                text = text.replace(self.thousands, "")
         if "_" in text or (self.decimal == "," and "." in text):
             # 1_0 is no number in a table; 1.234 may be a thousand and more, or a fraction: not ours to guess
             return math.nan
@@ -41,10 +42,6 @@ class Signs:
             return float(text.replace(",", ".") if "," in self.decimal else text)
         except ValueError:
             return math.nan
-
-    @property
-    def _between(self) -> str:
-        return f"[{SPACES}]" if self.thousands == " " else re.escape(self.thousands or "")
 
     def seconds(self, text: str) -> float:
         """Return h:mm:ss or m:ss in seconds, NaN for another text."""
@@ -63,8 +60,8 @@ def few(names: Sequence[str], most: int = 12) -> str:
 def numbers_of(
     path: Path, name: str, lines: list[int], column: list[str], signs: Signs, clock: bool, empty_allowed: bool
 ) -> list[float]:
-    """Return a column of text as finite numbers; clock: of times h:mm:ss in seconds."""
-    values, read = [], signs.seconds if clock else signs.number
+    """Return a column of text as finite numbers; clock: of times h:mm:ss in seconds, past midnight counted on."""
+    values, days, read = [], 0.0, signs.seconds if clock else signs.number
     for line, text in zip(lines, column):
         if text == "" and empty_allowed:
             values.append(math.nan)
@@ -72,7 +69,9 @@ def numbers_of(
         value = read(text)
         if not math.isfinite(value):
             raise TableError(f"{path}, row {line}: {name} is {_no_number(text, signs, clock)}")
-        values.append(value)
+        if clock and values and value + days < values[-1] - DAY_S / 2:
+            days += DAY_S
+        values.append(value + days)
     if len(signs.decimal) > 1 and any("," in text for text in column) and any("." in text for text in column):
         line = next(line for line, text in zip(lines, column) if "." in text)
         raise TableError(
@@ -89,9 +88,9 @@ def _no_number(text: str, signs: Signs, clock: bool) -> str:
     if TIME_OF_CLOCK.fullmatch(text.replace(",", ".")):
         return f"{found}; a number is needed: for times of a clock set the column's unit to {CLOCK}"
     needed = f"{found}; a finite number is needed"
-    grouped = LIKELY_THOUSANDS.fullmatch(text)
+    grouped = LIKELY_THOUSANDS.fullmatch(text.translate(PLAIN))
     if grouped and not signs.thousands and grouped.group(1) not in signs.decimal and len(signs.decimal) == 1:
-        between = "space" if grouped.group(1) in SPACES else grouped.group(1)
-        return f'{needed}: for thousands separators set `table: {{thousands: "{between}"}}`, correct or drop the row'
+        key = f'`table: {{thousands: "{grouped.group(1)}"}}`'
+        return f"{needed}: for thousands separators set {key}, correct or drop the row"
     said = f" (decimal sign {signs.decimal})" if len(signs.decimal) == 1 else ""
-    return f"{needed}{said}, correct or drop the row"
+    return f"{needed}{said}, correct the row, drop it, or leave such rows out (`rows` of a mapping)"

@@ -9,7 +9,6 @@ from __future__ import annotations
 import codecs
 import csv
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,9 +24,11 @@ if TYPE_CHECKING:
 
 MARKS = {
     codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF32_BE: "utf-32",
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }  # longest first
+NOTHING = {"", "nan", "na", "n/a", "null"}  # as programs write a value that is not there
 SEPARATORS = {  # sign: its name, and the value of the key `separator` where there is one
     ";": ("semicolon", "';'"),
     "\t": ("tab", "tab"),
@@ -175,15 +176,17 @@ def lines_of(path: Path, form: CsvForm) -> list[str]:
     except UnicodeError as error:
         name = "UTF-8" if form.encoding.startswith("utf-8") else form.encoding
         where = f"byte {error.start}" if isinstance(error, UnicodeDecodeError) else "the text"
-        words = (
-            another_kind(path, "a table (CSV)") or f": {where} is not {name}; save the file as {name} text"
+        words = another_kind(path, "a table (CSV)") or (
+            f": {where} is not {name}; save the file as {name} text, or name its encoding, as `table: {{encoding: cp1252}}`"
+            " of a mapping"
         )
         raise TableError(f"{path}{words}") from None
     if "\0" in text:
         row = text.count("\n", 0, text.index("\0")) + 1
+        utf_16 = "utf-16-be" if text.startswith("\0") else "utf-16-le"
         damaged = (
             f", row {row}: a null character; the file is damaged or no {form.encoding} text (of UTF-16 without its mark set"
-            " `encoding: utf-16-le`)"
+            f" `encoding: {utf_16}`)"
         )
         raise TableError(f"{path}{another_kind(path, 'a table (CSV)') or damaged}")
     return text.splitlines()
@@ -233,28 +236,22 @@ def _other_separator(
 ) -> str:
     """Return what to do where the values seem to be separated by another sign than the one used; "" where not.
 
-    A sign is named by which a line holds all columns needed or, of a table of one column, that stands equally often in most
-    lines from the first that has it.
+    It is the one by which a line holds all columns needed or, of a table of one column, the one that `csv.Sniffer` sees.
     """
     others = [sign for sign in SEPARATORS if sign != used]
     found = next((s for s in others if any(names_all(line, s, needed) for line in lines)), None)
+    if found is None and len(header) > 1:
+        return ""
     if found is None:
-        found = max(others, key=lambda sign: _regular(lines, sign))
-        if len(header) > 1 or not _regular(lines, found):
+        try:
+            found = csv.Sniffer().sniff("\n".join(lines), "".join(others)).delimiter
+        except csv.Error:
             return ""
     name, key = SEPARATORS[found]
     seen = f"{' in one column' if len(header) == 1 else ''}: the values seem to be separated by {name}s"
     if form.separator is None or key is None:
         return f"{seen}, save the table with commas or semicolons"
     return f"{seen}, set `separator: {key}` in `table`"
-
-
-def _regular(lines: list[str], sign: str) -> int:
-    """Return in how many lines a sign stands as often as in most of those that have it; 0 unless that is most lines."""
-    counts = [line.count(sign) for line in lines if line.strip()]
-    first = next((i for i, count in enumerate(counts) if count), len(counts))
-    alike = Counter(count for count in counts[first:] if count).most_common(1)
-    return alike[0][1] if alike and alike[0][1] > len(counts[first:]) / 2 else 0
 
 
 def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[str]) -> int:
@@ -272,21 +269,16 @@ def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[s
         if i >= form.skip_rows and line.strip() and not is_comment(line, form)
     )
     start = next(candidates, None)
-    if not (form.find_header and form.header and needed):
-        if start is None:
-            raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
-        return start
     separator = form.separator or ","
-    if start is not None and names_all(lines[start], separator, needed):
-        return start
-    elsewhere = [i for i, line in enumerate(lines) if names_all(line, separator, needed)]
-    if len(elsewhere) > 1:
-        raise TableError(
-            f"{path}, rows {elsewhere[0] + 1} and {elsewhere[1] + 1}: both name the columns {few(needed)}; say with"
-            " `skip_rows` which is the header"
-        )
-    if elsewhere:
-        return elsewhere[0]
+    if form.find_header and form.header and needed:
+        if start is None or not names_all(lines[start], separator, needed):
+            elsewhere = [i for i, line in enumerate(lines) if names_all(line, separator, needed)]
+            if len(elsewhere) > 1:
+                raise TableError(
+                    f"{path}, rows {elsewhere[0] + 1} and {elsewhere[1] + 1}: both name the columns {few(needed)}; say with"
+                    " `skip_rows` which is the header"
+                )
+            start = elsewhere[0] if elsewhere else start
     if start is None:
         raise TableError(f"{path}: no header line; the first line that is no comment names the columns")
     return start
@@ -315,8 +307,8 @@ def _check_lengths(path: Path, header: list[str], rows: list, named: int, form: 
     for line, cells in rows[1:]:
         if len(cells) < len(header) or any(cells[len(header) :]):
             raise TableError(
-                f"{path}, row {line}: {len(cells)} values for {len(header)} columns; complete the row"
-                " (decimal commas need semicolons between the values)"
+                f"{path}, row {line}: {len(cells)} values for {len(header)} columns; complete the row {few(cells, 3)}"
+                " (decimal commas need semicolons between the values, each specimen of a file its header)"
             )
         if len(cells) > max(named, usual):
             raise TableError(
@@ -363,7 +355,7 @@ def _filter(path: Path, header: list[str], rows: list, form: CsvForm, signs: Sig
     """Remove the rows of others in one table, and those that the filters do not keep."""
     own = [header.index(name) for name in form.shared_with]
     if own:
-        rows[1:] = [row for row in rows[1:] if any(row[1][at] for at in own)]
+        rows[1:] = [row for row in rows[1:] if any(row[1][at].lower() not in NOTHING for at in own)]
     for condition in form.rows:
         if condition.column not in header:
             raise TableError(

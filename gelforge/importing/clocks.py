@@ -11,18 +11,18 @@ from scipy.signal import correlate, correlation_lags, find_peaks
 
 from gelforge.importing.refusals import ImportingError
 
-GRID_S = 0.02
+GRID_S = 0.02  # of a coarse lag: bends give it to a tenth of this afterwards
 BASELINE_S = 60.0  # the signal at rest is its 15th percentile over so long
-REST_PERCENTILE = 15
+REST_PERCENTILE = 15  # low, as presses may fill most of a minute, and no minimum, which is noise
 LEVELS = 25  # heights of the surface that are tried
 POWER = 1.5  # of force over depth: enough for a correlation
 POWERS = (1.0, 1.5, 2.0, 2.5)  # for where the surface is
-LEAST_CORRELATION = 0.5
+LEAST_CORRELATION = 0.5  # a quarter of the variance: logs of one session reach 0.9 (judgement)
 CANDIDATE, RIVAL = 0.9, 0.95  # of the best correlation: looked at; as good
-APART_S = 0.3
+APART_S = 0.3  # the shortest wait (`least_dwell_s`): nearer lags are one peak
 NEAR_STEPS = 6  # of the grid, about the best lag: relaxation shifts it
 STRONG = 0.3  # of the median peak: an indentation that both signals must show
-MARGIN_S = 0.3
+MARGIN_S = 0.3  # of the overlap, where a smoothed signal knows one side only
 
 
 @dataclass(frozen=True)

@@ -101,14 +101,7 @@ def import_logs(mapping_file: str | Path, name: str, data: Path | None = None) -
     if film and mapping.camera:
         source = Stream(film.path, film.start_s, film.time_s, film.change[:, None])
         camera_clock = _aligned(
-            stage,
-            found,
-            source,
-            film.change,
-            mapping.camera,
-            "camera",
-            clock.match.contact_mm,
-            mapping.stage,
+            stage, found, source, film.change, mapping.camera, "camera", clock.match.contact_mm, mapping.stage
         )
         frames = Frames(film, camera_clock.law.on_stage(film.time_s))
     presses = find_presses(

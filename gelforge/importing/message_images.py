@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import tempfile
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,7 @@ from gelforge.importing.refusals import ImportingError
 
 CHANNELS = {"mono8": 1, "8UC1": 1, "rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "8UC4": 4}
 TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "rgba8": cv2.COLOR_RGBA2BGR, "bgra8": cv2.COLOR_BGRA2BGR}
-VIDEO = {
-    "h264": ".h264",
-    "h265": ".h265",
-}  # of a CompressedVideo: a bare stream that OpenCV reads from a file
+VIDEO = {"h264": ".h264", "h265": ".h265"}  # bare streams, which OpenCV reads from a file
 
 
 def message_images(path: Path, topic: str | None, key: str) -> Iterator[tuple[str, float, np.ndarray]]:
@@ -95,7 +93,7 @@ def _video(
     with tempfile.TemporaryDirectory() as folder:
         stream = Path(folder) / f"stream{suffix}"
         with open(stream, "wb") as file:
-            for received, message in _chain(first, rest):
+            for received, message in chain([first], rest):
                 stamps.append(_stamp(message, received))
                 file.write(_bytes(message))
         for _, image in decoded(stream):
@@ -107,8 +105,3 @@ def _video(
             f"{path}: {topic} decodes to {number} frames of {len(stamps)} messages; its stamps cannot be matched: export the"
             " topic as images"
         )
-
-
-def _chain(first, rest):
-    yield first
-    yield from rest

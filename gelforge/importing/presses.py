@@ -13,19 +13,17 @@ from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion, Wait
 from gelforge.importing.streams import Stream, gap_limit_s
 
-SMOOTH_S = 0.02
+SMOOTH_S = 0.02  # a period of 50 Hz mains, and the grid of the lags
 NOISE = 6.0  # standard deviations of the smoothed force that are no accident
 STEPS = 2.0  # and steps of its resolution
-LEAST_TOUCH_S = 0.05
+LEAST_TOUCH_S = 0.05  # in contact: shorter is a knock
 COVERED_S = 0.3  # before and after contact that every log must hold
 ZERO_S = 2.0  # the zero phase is the last of the rest before contact
-LEAST_ZERO_S = 0.1
+LEAST_ZERO_S = 0.1  # five smoothed samples of the force at rest
 CLEAR_S, CLEAR_MM = 0.1, 0.02  # from the zero phase to contact
 AFTER_S = 0.3  # after contact was lost, before the next zero phase
-SLIP_S, SLIP = (
-    0.1,
-    0.3,
-)  # of the indentation's largest force, lost within so long while the stage does not retreat
+# of the indentation's largest force, lost within so long while the stage does not retreat
+SLIP_S, SLIP = 0.1, 0.3
 WIDEST_MM = 0.1  # half of a contact point's interval, where each indentation has its own depth zero
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
 
 MOST_POSITIONS = 3000  # compared: every pair is, and some thousand show the scatter as well as all
-LEAST_REVISITS = 3
+LEAST_REVISITS = 3  # of which a scatter is found at all
 CLEAR_GAP = 10.0  # between distances of one commanded position and those of different ones
 
 

@@ -16,7 +16,7 @@ from gelforge.importing.refusals import ImportingError
 from gelforge.importing.streams import Stream
 from gelforge.indentation.paths.places import POSITION_MATCH_MM, gaps_to, within
 
-ZERO_ROWS = 3
+ZERO_ROWS = 3  # spread over the rest before contact
 LEAVING_S = 0.03  # before the stage leaves, no reading
 CLEAR_OF_TOP_MM = 0.05  # of readings on a ramp, which ends in one of its own
 COLUMNS = ["press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm", "speed_mm_per_s", "dwell_s",

@@ -11,11 +11,11 @@ from scipy.signal import find_peaks
 from gelforge.indentation.paths.places import POSITION_MATCH_MM
 
 NOISE_BANDS = 4.0  # of the encoder's noise: a stage within is at rest
-LEAST_BAND_MM = 0.003
+LEAST_BAND_MM = 0.003  # a stage that follows its command holds it to some micrometres (judgement)
 FULL_SPEED = 0.8  # of a ramp's largest speed: samples that brake or accelerate are slower
 LONGEST_RAMP_S = 0.5  # of a ramp that says when the stage stopped
-MOST_RAMP_SAMPLES = 40
-TIE_MM = 1e-6
+MOST_RAMP_SAMPLES = 40  # the same in rows of a fast log
+TIE_MM = 1e-6  # below every encoder's step
 
 
 @dataclass(frozen=True)
@@ -99,20 +99,9 @@ def _rests(time: np.ndarray, xyz: np.ndarray, band: float, least_s: float) -> li
     rest = np.cumsum(begun - ended)[:-1] > 0
     jump = np.append(True, (np.abs(np.diff(xyz, axis=0)) > wide).any(axis=1))
     first = np.flatnonzero(rest & (jump | ~np.append(False, rest[:-1])))
-    last = np.array(
-        [
-            i + int((~rest[i + 1 :] | jump[i + 1 :]).argmax())
-            if (~rest[i + 1 :] | jump[i + 1 :]).any()
-            else len(time) - 1
-            for i in first
-        ],
-        int,
-    )
-    return [
-        (i, j)
-        for i, j in zip(first.tolist(), last.tolist())
-        if j - i + 1 >= rows and np.ptp(xyz[i : j + 1, 2]) <= 2 * wide[2]
-    ]
+    ends = np.append(~rest[1:] | jump[1:], True)
+    runs = [(i, i + int(ends[i:].argmax())) for i in first.tolist()]
+    return [(i, j) for i, j in runs if j - i + 1 >= rows and np.ptp(xyz[i : j + 1, 2]) <= 2 * wide[2]]
 
 
 def _meets(time, travel, row: int, level: float, band: float, step: int) -> tuple[float, float]:

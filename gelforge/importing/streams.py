@@ -19,12 +19,13 @@ from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.time_stamps import stamps, units_of
 from gelforge.units import UNITS, known_unit, unit_in_header, unit_named
 
-LEAST_ROWS = 20
+LEAST_ROWS = 20  # fewer show no indentation with its waits
 JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0  # from row to row, and so fast: no stage or robot that presses gels
-GAP_PERIODS = 10.0  # of a log without samples, and at least GAP_S: no clock can be aligned across it
-GAP_S = 0.5
+# of a log without samples: no clock can be aligned across it
+GAP_PERIODS, GAP_S = 10.0, 0.5
 COUNTS = re.compile(  # to a unit of force, not of torque: N m, N-m, Nmm
-    r"counts?\s*(?:per|/)\s*(?:unit\s*)?(?:force|newtons?|N)\b(?![\s*·⋅.-]*m{1,2}\b)[^\d-]*([\d.eE+]+)",
+    r"(?:counts?\s*(?:per|/)\s*(?:unit\s*)?(?:force|newtons?|N)\b(?![\s*·⋅.-]*m{1,2}\b)|\bCpF\b)[^\d-]*"
+    r"([1-9]\d{0,2}(?:,\d{3})+|[\d.eE+]*[1-9][\d.eE+]*)",
     re.IGNORECASE,
 )
 FORCE_UNIT = re.compile(r"force\s*units?\W+([A-Za-z]+)", re.IGNORECASE)
@@ -49,7 +50,13 @@ class Stream:
 def read_force(folder: Path, source: ForceSource, stage: StageSource) -> Stream:
     """Return the force log (n, 3) [N] as recorded, counts divided by those of a unit."""
     log = _read(folder, source, "force", dict.fromkeys(source.columns, source.unit), stage)
-    counts = source.counts_per_unit or counts_above_header(log.path, source, log.values)
+    said = counts_above_header(log.path, source, log.values)
+    counts = source.counts_per_unit or said
+    if said and counts != said:
+        raise ImportingError(
+            f"{log.path}: {said:g} counts to one {source.unit} stand above the header, force.counts_per_unit is {counts:g};"
+            " leave the key out, or correct the file"
+        )
     return log if counts is None else replace(log, values=log.values / counts)
 
 
@@ -67,7 +74,7 @@ def counts_above_header(path: Path, source: ForceSource, values: np.ndarray) -> 
     counts = None
     for line in top[:head]:
         if found := COUNTS.search(line):
-            counts = float(found.group(1))
+            counts = float(found.group(1).replace(",", ""))
         said = FORCE_UNIT.search(line)
         unit = unit_named(said.group(1)) if said else None
         if unit and unit != known_unit(source.unit):
@@ -225,5 +232,6 @@ def refuse_gaps(path: Path, time: np.ndarray, key: str) -> None:
         at = int(steps.argmax())
         raise ImportingError(
             f"{path}: no row between {time[at] - time[0]:.6g} and {time[at + 1] - time[0]:.6g} s after its beginning, the"
-            f" limit is {limit:.3g} s; record without gaps, or split the session there into two files of {key}"
+            f" limit is {limit:.3g} s: rows were lost, or the clock was set; record without gaps, or split the session there"
+            f" into two files of {key}"
         )

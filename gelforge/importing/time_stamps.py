@@ -14,9 +14,11 @@ from gelforge.recording.plausibility.streams import COARSEST_TICK_S, spread_stam
 from gelforge.units import UNITS, known_unit
 
 UNEVEN_S = 0.25  # off the straight line through stamps that are declared even: samples were lost
-FEW_DIGITS = 7  # significant digits, as programs round to where nothing is asked of them (%g: 6)
+FEW_DIGITS = range(
+    6, 10
+)  # significant digits: what programs write unasked (%g), to tens of seconds of an epoch
 STEPS_BACK = 3  # at most, of a clock that was set; more are jitter, or rows in no order
-LEAST_STEP_PERIODS = 3.0
+LEAST_STEP_PERIODS = 3.0  # between rows: less is jitter
 # customary ways to write dates, to name in an error; day and month may be either
 DAYS = ("%m/%d/%Y", "%d/%m/%Y", "%d.%m.%Y", "%Y/%m/%d", "%m/%d/%y", "%d.%m.%y", "%d-%b-%Y", "%Y-%m-%d")
 TIMES = ("%H:%M:%S.%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p", "%H:%M:%S,%f")
@@ -46,7 +48,7 @@ def stamps(
     if counts.max() == 1:
         return time
     tick = float(np.median(np.diff(distinct))) if len(distinct) > 1 else np.inf
-    if tick > COARSEST_TICK_S:
+    if tick > (1 + 1e-6) * COARSEST_TICK_S:
         lost = _lost_digits(distinct, stamp)
         if lost:
             raise ImportingError(
@@ -70,14 +72,12 @@ def _lost_digits(distinct: np.ndarray, stamp: Stamp) -> str:
         return ""
     shown = distinct / UNITS[known_unit(stamp.units[0])][1]
     largest = float(np.abs(shown).max())
-    rounded = np.array([float(f"{value:.{FEW_DIGITS}g}") for value in shown])
-    if largest >= 10**FEW_DIGITS and (rounded == shown).all():
-        return f"have {FEW_DIGITS} significant digits at most, too few for {largest:.10g}"
-    if largest > 2**24 and (shown.astype(np.float32) == shown).all():
+    for digits in FEW_DIGITS:
+        short = np.array([float(f"{value:.{digits}g}") for value in shown])
+        if largest >= 10 ** (digits - 1) and np.allclose(short, shown, rtol=1e-12):
+            return f"have {digits} significant digits, too few for {largest:.10g}"
+    if largest > 2**24 and np.allclose(shown.astype(np.float32), shown, rtol=1e-12):
         return "were kept in single precision (float32)"
-    short = np.array([float(f"{value:.6g}") for value in shown])
-    if largest >= 1e5 and (short == shown).all():
-        return f"have 6 significant digits, too few for {largest:.10g}"
     return ""
 
 
@@ -119,7 +119,7 @@ def _dates(path: Path, table: pd.DataFrame, stamp: Stamp, key: str) -> np.ndarra
         else:
             remedy = (
                 f"no date and time of ISO 8601; correct the row, set {key}.time.format{_guessed(texts)}, or declare"
-                " the unit of the stamps"
+                " the unit of the stamps (a time of day is h:mm:ss)"
             )
         raise ImportingError(f"{path}, row {line}: {name} is {texts[line]!r}, {remedy}") from None
     return dates.astype("datetime64[ns, UTC]").astype("int64").to_numpy() / 1e9

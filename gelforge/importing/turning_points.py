@@ -23,7 +23,7 @@ WINDOW_S = 0.35  # of the signal on each side of a bend
 LARGEST_SE_S = 0.01  # of the lag of the whole session
 DRIFT_S, DRIFT_SE = 0.006, 4.0  # over the session: drift beyond both
 JUMP_S, JUMP_SPREADS = 0.02, 5.0  # of an indentation's lag off the line
-LEAST_PRESSES = 3
+LEAST_PRESSES = 3  # two make a line whatever they show
 STEP_SHARE = 0.25  # of a jump of the lag, within which a step between two stamps explains it
 
 
@@ -174,10 +174,13 @@ def clock_law(
     law = offset + straight * at if drifts else np.full(len(at), _robust_mean(lag, sd))
     _refuse_jumps(at, lag, law, what, key, stamps)
     if drifts and not drift:
+        causes, remedies = _without_stamps(key, stamps)
+        rate = f", or a rate is wrong by {abs(straight):.3g} of itself" if causes else ""
         raise ImportingError(
             f"{what}: its clock {'gains' if change > 0 else 'loses'} {abs(change) * 1e3:.3g} ms over {np.ptp(at):.3g} s"
-            f" ({straight * 1e6:.3g} ppm) against the stage's, the limit is {DRIFT_S * 1e3:g} ms; set {key}.drift: true to"
-            " correct it in proportion to time, or use one clock"
+            f" ({straight * 1e6:.3g} ppm) against the stage's, the limit is {DRIFT_S * 1e3:g} ms"
+            f"{f': {causes}{rate}; {remedies}, or' if causes else ';'} set {key}.drift: true to correct it in proportion to"
+            " time, or use one clock"
         )
     se = float(
         max(
@@ -241,6 +244,13 @@ def _refuse_jumps(at, lag, law, what: str, key: str, stamps) -> None:
         raise ImportingError(
             f"{found}: {_stepped((signal, stage), steady[k : k + 2], at[k : k + 2], limit, key)}"
         )
+    causes, remedies = _without_stamps(key, stamps)
+    raise ImportingError(f"{found}: {causes}; {remedies}, or record again")
+
+
+def _without_stamps(key: str, stamps) -> tuple[str, str]:
+    """Return what may be lost of the logs whose rows have no stamps of their own, and the remedies; "" where all have."""
+    signal, stage = stamps
     lost = []
     if signal is None and key == "camera":
         lost.append(("frames were dropped", "name their own time stamps (camera.times, camera.from_name)"))
@@ -248,8 +258,8 @@ def _refuse_jumps(at, lag, law, what: str, key: str, stamps) -> None:
         lost.append(("rows were dropped", f"name time stamps of each row in {key}.time"))
     if stage is None:
         lost.append(("rows of the stage's log were dropped", "name time stamps of each row in stage.time"))
-    causes, remedies = (" or ".join(parts) for parts in zip(*lost))
-    raise ImportingError(f"{found}: {causes}; {remedies}, or record again")
+    causes, remedies = zip(*lost) if lost else ((), ())
+    return " or ".join(causes), " or ".join(remedies)
 
 
 def _stepped(stamps, lags, at, limit: float, key: str) -> str:

@@ -14,9 +14,8 @@ from gelforge.recording.imaging.images import image_path
 from gelforge.recording.tables.checks import RecordingError
 
 SAME_SHARE = 0.5  # of the smaller session's readings at depth
-IMAGES = (
-    5  # compared, of readings that are equal: coarse readings of two sessions may agree, their images do not
-)
+# compared, of readings that are equal: coarse readings of two sessions may agree, their images do not
+IMAGES = 5
 NUMBERS = ("time_s", "x_mm", "y_mm")
 FORCES = ("fx_N", "fy_N", "fz_N")
 

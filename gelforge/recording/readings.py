@@ -19,7 +19,7 @@ from gelforge.indentation.planning.tolerance import tolerance_of_stage_mm
 from gelforge.indentation.sensor.stage_frame import stage_to_sensor
 from gelforge.recording.imaging.images import check_images
 from gelforge.recording.plausibility.findings import Finding, Findings
-from gelforge.recording.plausibility.indentations import at_commanded_depth, scatter_N
+from gelforge.recording.plausibility.indentations import at_commanded_depth
 from gelforge.recording.plausibility.session import SessionData, apply_findings, examine, refuse
 from gelforge.recording.plausibility.streams import ForceLog, check_ends, gap_findings, read_force_log
 from gelforge.recording.tables import checks
@@ -106,8 +106,6 @@ def read_recording(
     refuse(folder, Findings(session.session, tuple(gaps)))
     read = np.isfinite(raw).all(axis=1) if gaps else np.ones(len(raw), bool)
     checks.check_raw_force(path, table[read], raw[read], session.force)
-    scatter = scatter_N(table.assign(**dict(zip(FORCE, raw.T))), FORCE)
-    checks.check_saturation(path, table[read], raw[read], session.force, scatter)
 
     readings = table.copy()
     readings["session"] = session.session

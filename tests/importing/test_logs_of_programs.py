@@ -1,6 +1,7 @@
 """Logs as other programs write them, and clocks that go wrong: read by a declared key, or refused by the cause."""
 
 from dataclasses import replace
+from io import StringIO
 
 import cv2
 import numpy as np
@@ -82,6 +83,17 @@ def test_counts_of_torque_do_not_scale_the_force(logs, read, torque):
     np.testing.assert_allclose(read(counted(logs, 1000, above))[0].values, read()[0].values, atol=6e-4)
 
 
+@pytest.mark.parametrize("line", ["Counts/N:,1000", 'Counts per Unit Force: "1,000"', "CpF=1000 CpT=50"])
+def test_counts_above_the_header_agree_with_the_key(logs, read, line):
+    text = counted(logs, 1000, line + "\n")
+    np.testing.assert_allclose(read(text)[0].values, read()[0].values, atol=6e-4)
+    key = ("unit: N\nstage", "unit: N\n  counts_per_unit: 500\nstage")
+    with pytest.raises(
+        ImportingError, match="1000 counts to one N stand above the header, force.counts_per_unit is 500"
+    ):
+        read(text, key)
+
+
 def both_logs(logs):
     force, stage = pd.read_csv(logs / "ft.csv"), pd.read_csv(logs / "stage.csv")
     stage = stage.assign(Time=stage.pop("t_ms") / 1e3)
@@ -94,9 +106,10 @@ def both_logs(logs):
 STAGE = ("file: stage.csv\n  time: {column: t_ms, unit: ms}", "file: ft.csv\n  time: {column: Time, unit: s}")
 
 
-def test_a_table_of_several_topics_has_rows_without_the_others(logs, read):
+@pytest.mark.parametrize("nothing", ["", "nan", "N/A"])
+def test_a_table_of_several_topics_has_rows_without_the_others(logs, read, nothing):
     force, stage = read()
-    both = read(both_logs(logs), STAGE)
+    both = read(pd.read_csv(StringIO(both_logs(logs))).to_csv(index=False, na_rep=nothing), STAGE)
     for one, other in zip((force, stage), both):
         np.testing.assert_allclose(one.values, other.values)
         np.testing.assert_allclose(one.time_s, other.time_s, atol=2e-6)
@@ -200,7 +213,9 @@ def test_stamps_that_say_too_much_or_too_little(keys):
     ("text", "said"),
     [
         (lambda t: f"{1.7e9 + t:g}", "significant digits"),
-        (lambda t: f"{1.7e9 + t:.7g}", "7 significant digits"),
+        (lambda t: f"{1.7e9 + t:.7g}", "significant digits, too few for 1700000000"),
+        (lambda t: f"{1.7e9 + t:.9g}", "9 significant digits"),
+        (lambda t: f"{1e3 * (1.7e9 + t):.5E}", "significant digits"),
         (lambda t: f"{float(np.float32(1.70012345e9 + t)):.1f}", "single precision"),
         (lambda t: f"{3e5 + t:g}", "6 significant digits"),
         (lambda t: f"{1.7e9 + t:.0f}", "a clock with steps of 1 s"),
@@ -261,6 +276,16 @@ def test_a_log_by_rate_that_lost_rows_is_told_of_rows(tmp_path, lost):
         import_logs(tmp_path / "mapping.yaml", "s1")
 
 
+def test_a_rate_that_is_wrong_is_told_of_the_rate(tmp_path):
+    generate(tmp_path, replace(LAB, presses=8))
+    rate = MAPPING.replace("time: {column: t_ms, unit: ms}", f"rate_hz: {0.98 * LAB.stage_hz}")
+    (tmp_path / "mapping.yaml").write_text(rate)
+    with pytest.raises(
+        ImportingError, match=r"rows of the stage's log were dropped, or a rate is wrong by 0\.02"
+    ):
+        import_logs(tmp_path / "mapping.yaml", "s1")
+
+
 def picture(path, level=90, turned=None):
     image = Image.fromarray(np.full((20, 30), level, np.uint8))
     exif = Image.Exif()
@@ -280,6 +305,7 @@ def test_numbers_after_a_point_count_on_or_are_fractions(tmp_path):
         ("counted", [f"cam1.{k}" for k in range(1, 13)]),
         ("fractions", ["t0.5", "t1", "t1.125", "t1.25", "t1.5", "t2.0"]),
         ("both", [f"cam{c}.{k}" for c in (1, 2) for k in (2, 9, 10, 20)]),
+        ("every second", [f"cam1.{k}" for k in range(1, 20, 2)]),
         ("padded", [f"t1.{k:02d}" for k in range(1, 21)]),
     ):
         (tmp_path / folder).mkdir()

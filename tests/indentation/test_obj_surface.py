@@ -84,3 +84,14 @@ def test_what_no_surface_can_be(tmp_path, text, said):
         return
     with pytest.raises(ConfigError, match=said):
         read_triangles(tmp_path / "a.obj")
+
+
+def test_polygons_of_a_ply_file_are_cut(tmp_path):
+    corners = [*CORNERS, (1, -0.5, 0), (1, -0.5, 3)]  # a sixth side: both caps have five corners
+    capped = [(4, 3, 2, 9, 1), (5, 10, 6, 7, 8), (1, 9, 10, 5), (9, 2, 6, 10), *QUADS[3:]]
+    head = f"element vertex {len(corners)}\nproperty float x\nproperty float y\nproperty float z\n"
+    head += f"element face {len(capped)}\nproperty list uchar int vertex_indices\nend_header\n"
+    body = [" ".join(map(str, point)) for point in corners]
+    body += [" ".join(map(str, (len(face), *(k - 1 for k in face)))) for face in capped]
+    (tmp_path / "a.ply").write_text("ply\nformat ascii 1.0\n" + head + "\n".join(body) + "\n")
+    assert volume(tmp_path / "a.ply") == pytest.approx(6 + 1.5)

@@ -139,6 +139,19 @@ def test_a_curve_that_flattens_by_itself_is_not_saturated(tmp_path, scale, digit
         read(tmp_path, LAM, np.minimum(np.round(P(LAM), 1 + digits), np.round(0.6 * P(LAM).max(), 1)))
 
 
+@pytest.mark.parametrize("peak", [1.8, 1.93, 2.0])
+@pytest.mark.parametrize("steps", [40, 160])
+def test_a_maximum_in_a_channel_that_rounds_is_not_saturated(tmp_path, peak, steps):
+    size = 40 * np.sin(np.pi / 2 * (LAM - 1) / (peak - 1))
+    assert len(read(tmp_path, LAM, np.round(size * steps / 40) * 40 / steps).stretch) == len(LAM)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_step_of_a_coarse_channel_is_no_slip_and_no_odd_row(tmp_path, seed):
+    size = noisy(40 * (1 - np.exp(-4 * (LAM - 1))), seed, 0.8)
+    assert len(read(tmp_path, LAM, 2.5 * np.round(size / 2.5)).stretch) == len(LAM)
+
+
 @pytest.mark.parametrize("history", ["monotonic", "cyclic"])
 @pytest.mark.parametrize("count", [12, 25, 60])
 @pytest.mark.parametrize("seed", range(3))
@@ -178,6 +191,9 @@ def test_a_test_that_only_unloads_is_refused(tmp_path):
         ("Load (N)", "kPa", "says N, the mapping declares kPa"),
         ("Stress [MPa]", "kPa", "says MPa, the mapping declares kPa; check the units: set `unit: MPa`"),
         ("stress_Pa", "kPa", "says Pa"),
+        ("Spannung / MPa", "kPa", "says MPa"),
+        ("stress in Pa", "kPa", "says Pa"),
+        ("pull in fast", "kPa", None),
         ("Load (kPa)", "kPa", None),
         ("stress_kPa", "kPa", None),
         ("Channel (1)", "kPa", None),

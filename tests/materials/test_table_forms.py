@@ -1,5 +1,7 @@
 """Forms of tables: stacked specimens, curves side by side, thousands, times of a clock, UTF-16."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -61,7 +63,9 @@ def grouped(between, decimal="."):
         ({"thousands": ","}, ","),
         ({"thousands": ".", "decimal": ",", "separator": ";"}, "."),
         ({"thousands": "'", "decimal": ".", "separator": ";"}, "'"),
+        ({"thousands": "'", "decimal": ".", "separator": ";"}, "\u2019"),
         ({"thousands": " ", "decimal": ",", "separator": ";"}, "\u202f"),
+        ({"thousands": " ", "decimal": ",", "separator": ";"}, "\u2009"),
     ],
 )
 def test_thousands_are_read_where_declared_and_named_where_not(tmp_path, form, between):
@@ -69,10 +73,10 @@ def test_thousands_are_read_where_declared_and_named_where_not(tmp_path, form, b
     (test,) = one(tmp_path, text, table=form)
     assert_right(test)
     plain = {key: value for key, value in form.items() if key != "thousands"}
-    with pytest.raises(
-        TableError, match=r"a finite number is needed: for thousands separators set `table: \{thousands"
-    ):
+    with pytest.raises(TableError, match="a finite number is needed: for thousands separators set") as error:
         one(tmp_path, text, table=plain)
+    remedy = yaml.safe_load(re.search("`(table: .*?})`", str(error.value)).group(1))
+    assert_right(one(tmp_path, text, table=plain | remedy["table"])[0])
 
 
 @pytest.mark.parametrize("cell", ["1,00.0", "10,00", "1,0000", "1,000,00", ",100", "1,000.0,0"])
@@ -118,11 +122,21 @@ def test_the_mark_of_a_file_decides_its_encoding(tmp_path, encoding):
     assert_right(one(tmp_path, table(rows()).encode(encoding))[0])
 
 
-def test_utf_16_without_its_mark_names_the_key(tmp_path):
-    content = table(rows()).encode("utf-16-le")
-    with pytest.raises(TableError, match="null character.*utf-16-le"):
-        one(tmp_path, content)
-    assert_right(one(tmp_path, content, table={"encoding": "utf-16-le"})[0])
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "cp1252"])
+def test_an_encoding_without_a_mark_names_the_key(tmp_path, encoding):
+    content = ("Größe\n" if encoding == "cp1252" else "") + table(rows())
+    with pytest.raises(TableError, match=f"encoding: {encoding}"):
+        one(tmp_path, content.encode(encoding))
+    assert_right(one(tmp_path, content.encode(encoding), table={"encoding": encoding})[0])
+
+
+def test_a_clock_counts_on_past_midnight(tmp_path):
+    clock = [
+        f"{(86390 + k) // 3600 % 24}:{(86390 + k) // 60 % 60:02d}:{(86390 + k) % 60:02d}" for k in range(41)
+    ]
+    text = table(rows(clock=clock.__getitem__))
+    (test,) = one(tmp_path, text, time={"column": "Time", "unit": "h:mm:ss"})
+    np.testing.assert_allclose(np.diff(test.time_s), 1.0)
 
 
 @pytest.mark.parametrize(
@@ -143,6 +157,13 @@ def test_specimens_below_each_other_in_one_file(tmp_path, above, units):
     assert len({test.sample for test in found}) == 3
     for k, test in enumerate(found, 1):
         assert_right(test, 1 + 0.1 * k)
+
+
+def test_specimens_with_their_columns_in_another_order(tmp_path):
+    turned = "\n".join(",".join(line.split(",")[::-1]) for line in table(rows(1.2), quote="").splitlines())
+    one_way, other_way = one(tmp_path, table(rows(), quote="") + "Specimen 2\n" + turned)
+    assert_right(one_way)
+    assert_right(other_way, 1.2)
 
 
 def test_a_summary_that_names_the_columns_is_no_specimen(tmp_path):
@@ -205,6 +226,19 @@ def test_an_entry_that_reads_no_file_is_an_error_unless_optional(tmp_path, patte
         read_all(tmp_path, entries, d=beside())
     entries[-1]["optional"] = True
     assert len(read_all(tmp_path, entries, d=beside())) == 3
+
+
+def test_a_file_that_an_entry_names_is_there_and_an_ignored_folder_is_no_test(tmp_path):
+    entry = {"files": ["d.csv", "e.csv"], "kind": "uniaxial", **COLUMNS}
+    with pytest.raises(
+        TableError, match=r"entry 1 of the mapping \(uniaxial, files \['e\.csv'\]\) reads no file"
+    ):
+        read_all(tmp_path, [entry], d=table(rows()))
+    assert len(read_all(tmp_path, [entry | {"optional": True}], d=table(rows()))) == 1
+    mapping = {"describes": "made here", "ignore": ["*"], "tests": [entry]}
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(mapping))
+    with pytest.raises(TableError, match=r"none of its 2 files is read as a test; `ignore` is \['\*'\]"):
+        read_sources([tmp_path], tmp_path / "mapping.yaml")
 
 
 def test_a_later_pattern_that_fits_too_reads_only_what_is_left(tmp_path):

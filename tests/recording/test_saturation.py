@@ -65,9 +65,24 @@ def test_a_saturated_log_is_found_too(tmp_path):
     assert {f.test for f in recording.findings} == {"force_saturates"}
 
 
+@pytest.mark.parametrize("sites", [MANY[:1], MANY])
+def test_a_force_that_stops_below_proportion_to_depth_is_left_out(tmp_path, sites):
+    """Whatever the channel rounds: two depths of one site are enough."""
+    kind = {"sites": sites, "offset_N": (0.0, 0.0, 0.0), "resolution_N": 0.02, "noise_N": 0.002}
+    limit = round(0.35 * largest(generate(tmp_path / "whole", Kind(**kind))) / 0.02) * 0.02
+    with pytest.raises(RecordingError, match=r"\(fz\) stays at .* saturated sensor"):
+        read_recording(generate(tmp_path / "s", Kind(**kind, fault=clipped(limit, ["fz_N"]))))
+
+
 @pytest.mark.parametrize(
     "traits",
     [
+        {
+            "exponent": 0.5,
+            "resolution_N": 0.02,
+            "noise_N": 0.002,
+            "site_spread": 0.05,
+        },  # levels off by itself
         {"noise_N": 0.0, "site_spread": 0.0, "touch_mm": 0.0, "lateral": 0.0},  # all equal, at every depth
         {"noise_N": 0.0, "site_spread": 0.0, "touch_mm": 0.0, "depths": (1.0,), "repeats": 2},
         {"resolution_N": 0.05, "noise_N": 0.004},

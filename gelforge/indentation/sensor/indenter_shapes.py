@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Indenter, IndenterPart, Study, given
-from gelforge.indentation.sensor.obj_surface import obj_triangles
+from gelforge.indentation.sensor.obj_surface import fan, obj_triangles
 from gelforge.mechanics.indenters.shapes import (
     DOWN,
     Box,
@@ -122,14 +122,14 @@ def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
         SystemExit,
     ) as error:  # meshio exits where it gives up
         raise ConfigError(
-            f"{path}: meshio cannot read it ({error or 'unknown format'}); save it as STL, PLY or OBJ"
+            f"{path}: meshio cannot read it ({error or 'unknown format'}); save it as another of STL, PLY and OBJ"
         ) from None
     faces = [np.empty((0, 3), int)]
     for block in read.cells:
         if block.type == "triangle":
             faces.append(block.data)
-        elif block.type == "quad":
-            faces += [block.data[:, [0, 1, 2]], block.data[:, [0, 2, 3]]]
+        elif block.type in ("quad", "polygon"):
+            faces += [fan(str(path), read.points, corners) for corners in block.data]
     triangles = np.concatenate(faces).astype(np.int64)
     if not len(triangles):
         found = sorted({block.type for block in read.cells}) or "nothing"

@@ -5,6 +5,7 @@ meshio needs one normal and one texture coordinate a vertex; trimesh counts rela
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def obj_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
                 f"{path}, line {number}: a face of the vertices {[c + 1 for c in corners]}, where there are {len(points)};"
                 " at least three of them are needed: write the file again"
             )
-    fans = [_fan(path, number, points, corners) for number, corners in faces]
+    fans = [fan(f"{path}, line {number}", points, corners) for number, corners in faces]
     return points, np.concatenate([np.empty((0, 3), np.int64), *fans])
 
 
@@ -52,14 +53,12 @@ def _from_zero(corner: int, count: int) -> int:
     return corner - 1 if corner > 0 else count + corner
 
 
-def _fan(path: Path, number: int, points: np.ndarray, corners: list[int]) -> np.ndarray:
+def fan(where: str, points: np.ndarray, corners: Sequence[int]) -> np.ndarray:
     """Return a polygon as triangles (T, 3) about its first corner. Raises ConfigError where that leaves its outline."""
-    fan = np.array([[corners[0], b, c] for b, c in zip(corners[1:], corners[2:])], np.int64)
-    if len(fan) > 1:
-        a, b, c = points[fan].transpose(1, 0, 2)
+    parts = np.array([[corners[0], b, c] for b, c in zip(corners[1:], corners[2:])], np.int64)
+    if len(parts) > 1:
+        a, b, c = points[parts].transpose(1, 0, 2)
         areas = np.cross(b - a, c - a)
         if (areas @ areas.sum(axis=0) < 0).any():
-            raise ConfigError(
-                f"{path}, line {number}: a face of {len(corners)} corners is not convex; {TRIANGULATE}"
-            )
-    return fan
+            raise ConfigError(f"{where}: a face of {len(corners)} corners is not convex; {TRIANGULATE}")
+    return parts

@@ -48,6 +48,12 @@ def row_noise(values: np.ndarray, least: int = 5) -> float:
     return float(SIGMA_OF_MEDIAN * np.median(np.abs(off)) / np.sqrt(1.5))
 
 
+def channel_step(values: np.ndarray) -> float:
+    """Return the smallest change from row to row of a channel so coarse that rows repeat, 0 where none does."""
+    changes = np.abs(np.diff(values))
+    return float(changes[changes > 0].min(initial=np.inf)) if 0 < (changes == 0).sum() < len(changes) else 0.0
+
+
 def resampled(model: np.ndarray, residual: np.ndarray, draws: int, rng) -> Iterator[np.ndarray]:
     """Yield a model (n,) with resampled blocks of its residuals (n,), `draws` times; neighbours stay together.
 

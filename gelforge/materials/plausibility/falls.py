@@ -9,15 +9,15 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from gelforge.materials.basis.common_form import MaterialTest
-from gelforge.materials.basis.statistics import row_noise
+from gelforge.materials.basis.statistics import channel_step, row_noise
 
 WITHIN, WITHIN_ROWS = 0.01, (3, 50)  # of the rows, in which the stress falls: slower is softening
 GOES_ON = 5e-4  # of the range of strain, by which it grows meanwhile: else the specimen is held, and relaxes
 LEAST_FALL = 0.05  # of the largest stress
-NOISE = 10.0  # standard deviations of a row
+NOISE, STEPS = 10.0, 2.0  # standard deviations of a row, and steps of a coarse channel
 LASTS_ROWS = 3  # a single row that is low is a reading that failed
 BROKEN = 0.3  # of the stress before, below which what is left bears nothing
-LEAST_ROWS = 8
+LEAST_ROWS = 8  # of which the scatter is known
 FEW_ROWS = 60  # below which WITHIN_ROWS are more than 5 % of the rows: so slow a fall is softening where more is borne later
 
 
@@ -51,15 +51,14 @@ def sudden_fall(strain: np.ndarray, stress: np.ndarray) -> Fall | None:
     size, n = np.abs(np.asarray(stress, float)), len(stress)
     if n < LEAST_ROWS or not np.isfinite(size).all():
         return None
-    limit = max(LEAST_FALL * size.max(), NOISE * row_noise(size))
+    limit = max(LEAST_FALL * size.max(), NOISE * row_noise(size), STEPS * channel_step(size))
     rows = int(np.clip(np.ceil(WITHIN * n), *WITHIN_ROWS))
     ahead = np.min(sliding_window_view(np.append(size, np.full(rows, np.inf)), rows + 1), axis=1)
     for row in np.flatnonzero(size - ahead > limit).tolist():
         after = row + int(np.argmin(size[row : row + rows + 1]))
         last = row + int(np.argmax(size[row:after]))
-        base = float(
-            np.median(size[max(last - 2, 0) : last + 1])
-        )  # a single row that is high is no curve to fall from
+        # a single row that is high is no curve to fall from
+        base = float(np.median(size[max(last - 2, 0) : last + 1]))
         grown = strain[last : after + 1] - strain[last]
         goes_on = grown[-1] >= GOES_ON * np.ptp(strain) and grown.min() >= -WITHIN * np.ptp(strain)
         rest = size[after : after + LASTS_ROWS]

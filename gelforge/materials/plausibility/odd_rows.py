@@ -12,36 +12,25 @@ import numpy as np
 
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import MaterialTest
-from gelforge.materials.basis.statistics import SIGMA_OF_MEDIAN, row_noise
+from gelforge.materials.basis.statistics import SIGMA_OF_MEDIAN, channel_step, row_noise
 from gelforge.materials.plausibility.rest_force import rest_words
 
-SINGLE_SHARE = (
-    0.1  # of the loading's range of stress: load cells err by a hundredth of this, a lost digit by more
-)
+SINGLE_SHARE = 0.1  # of the loading's range: load cells err by a hundredth of this, a lost digit by more
 END_SHARE = 0.5  # the same of a first or last row, which has a neighbour on one side only
 SIGMAS = 20.0  # of the rows' scatter about their neighbours: far beyond noise, also that of heavy tails
+STEPS = 2.0  # of a coarse channel, which rounds one row up and the next down
 LEAST_ROWS = 8  # of a loading, to know its scatter
 START_STRAIN = 0.1  # of the largest strain: rows nearer to rest than this
-START_STRESS = (
-    0.5  # of the largest stress: an elastomer bears a fifth of it there, a column that was swapped any
-)
+START_STRESS = 0.5  # of the largest: an elastomer bears a fifth of it there, a column that was swapped any
 REST_STRESS = 0.2  # of the largest stress, the least that matters of what rest itself seems to bear
-REST_SHARE = (
-    0.7  # of the stress near rest, by a straight line to rest: any power of the strain above 0.2 has less
-)
-LEAST_FLAT, FLAT_STRETCH = (
-    5,
-    0.02,
-)  # rows at the largest stress, and share of the range of stretch that they cover
-FEW_LEVELS = 5  # below the largest stress, among which the rows of a level are counted
-LEAST_LEVEL, SLOWER = (
-    3,
-    2.0,
-)  # rows of the level next to it, and times those of the others, where a curve flattens by itself
-AT_REST, LEAST_REST_STRESS = (
-    1e-3,
-    0.1,
-)  # strain; of the largest stress, beyond which it doubles the small-strain modulus
+# of the stress near rest, by a straight line to rest: any power of the strain above 0.2 has less
+REST_SHARE = 0.7
+LEAST_FLAT, FLAT_STRETCH = 5, 0.02  # rows at the largest stress, and share of the stretch that they cover
+# Below a maximum of a parabola level k has sqrt(k) - sqrt(k - 1) of the rows of the largest one: the first has 2.2 times the
+# median of so many, and more where a curve tends to a plateau; a curve that is cut off has as many rows in each.
+FEW_LEVELS, LEAST_LEVEL, SLOWER = 12, 3, 2.0
+AT_REST = 1e-3  # strain
+LEAST_REST_STRESS = 0.1  # of the largest stress, beyond which it doubles the small-strain modulus
 
 
 def check_rows(
@@ -89,8 +78,9 @@ def check_rows(
     resting = strain <= AT_REST
     if resting.any():
         rest = float(np.median(test.nominal_stress[first.rows][resting]))
-        error = row_noise(stress, LEAST_ROWS) / np.sqrt(resting.sum())
-        if abs(rest) > max(LEAST_REST_STRESS * stress.max(), 5 * error):
+        if abs(rest) > max(
+            LEAST_REST_STRESS * stress.max(), 5 * row_noise(stress, LEAST_ROWS) / np.sqrt(resting.sum())
+        ):
             raise TableError(
                 f"{path}: {rest * 1e3:.4g} kPa, {abs(rest) / stress.max():.0%} of the largest stress, at {test.abscissa}"
                 f" {test.at_rest:g}; {LEAST_REST_STRESS:.0%} at most are expected: {rest_words(test, rest)}, {remedy}"
@@ -118,9 +108,8 @@ def flat_top(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     the largest has more rows than those below it.
     """
     size = np.abs(stress)
-    size = np.round(
-        size / max(size.max(), 1e-300), 9
-    )  # forces that are equal make stresses that are nearly so
+    # forces that are equal make stresses that are nearly so
+    size = np.round(size / max(size.max(), 1e-300), 9)
     top = size == size.max()
     others = size[~top]
     if (
@@ -140,7 +129,7 @@ def single_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     if len(stress) < LEAST_ROWS:
         return None
     off = stress[1:-1] - (stress[:-2] + stress[2:]) / 2
-    scatter = SIGMAS * SIGMA_OF_MEDIAN * np.median(np.abs(off))
+    scatter = max(SIGMAS * SIGMA_OF_MEDIAN * np.median(np.abs(off)), STEPS * channel_step(stress))
     extent = np.quantile(stress, 0.95) - np.quantile(stress, 0.05)
     steady = np.abs(np.diff(np.sign(np.diff(stretch)))) == 0  # the stretch goes one way past the row
     agree = np.abs(stress[2:] - stress[:-2]) < np.abs(off)

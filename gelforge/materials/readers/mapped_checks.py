@@ -21,7 +21,7 @@ SAME_SIGN = 0.8  # of the strained rows: the stress has the sign of the strain
 DECLARED_RATE = 5.0
 WRONG_UNIT = 1000.0  # between MPa, kPa and Pa, N and mN, mm and um
 AGREES = 0.02  # of the largest value, between two measures of the same test
-DISAGREEING_ROWS = 0.1
+DISAGREEING_ROWS = 0.1  # of the rows: more is another column or unit, not an odd row
 TURNS, FAR_STEPS = 0.45, 0.1  # of the rows, and of the range: random order turns at two thirds, by a third
 
 
@@ -88,7 +88,10 @@ def _unordered(entry, test: MaterialTest) -> str:
     turns = int((np.diff(np.sign(np.diff(test.stretch))) != 0).sum())
     remedy = "sort them by it, or set `corrections: {unsorted: sort}`"
     if test.time_s is not None:
-        remedy = f"check that {entry.time.column} and {entry.strain.column} belong together"
+        remedy = (
+            f"check that {entry.time.column} and {entry.strain.column} belong together, or leave `time` out and set"
+            " `corrections: {unsorted: sort}`"
+        )
     return (
         f"the rows are in no order of the stretch, {entry.strain.column} turns at {turns} of {len(test.stretch)} rows;"
         f" {remedy}"

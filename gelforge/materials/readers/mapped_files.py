@@ -43,7 +43,7 @@ from gelforge.materials.readers.mapped_columns import (
 from gelforge.materials.readers.mapped_contacts import check_modulus, force_pair, indentation_test
 from gelforge.units import UNITS, unit_in_header
 
-LEAST_ROWS = 5
+LEAST_ROWS = 5  # one more than the parameters of an Ogden model of two terms
 
 Read = MaterialTest | IndentationTest | ForcePair
 
@@ -65,8 +65,11 @@ def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
         for test in read_by_all(path, found)
     ]
     if not tests:
-        raise TableError(f"{folder}: no file of a mechanical test; the mapping is for {mapping.describes}")
-    _check_entries(folder, mapping, entries)
+        raise TableError(
+            f"{folder}: none of its {len(names)} files is read as a test; `ignore` is {mapping.ignore}, correct it, or name"
+            f" the folder of {mapping.describes}"
+        )
+    _check_entries(folder, mapping, names, entries)
     return tests
 
 
@@ -84,15 +87,17 @@ def read_by_all(path: Path, entries: Sequence[TestMapping]) -> list[Read]:
     ]
 
 
-def _check_entries(folder: Path, mapping: Mapping, used: Sequence[Sequence[TestMapping]]) -> None:
-    """Refuse an entry of the mapping that reads no file: a misspelt pattern, or one that an earlier entry takes all of."""
+def _check_entries(folder: Path, mapping: Mapping, names: Sequence[str], used: Sequence) -> None:
+    """Refuse an entry that reads no file, as its pattern is misspelt or an earlier entry takes all of it, or names none."""
     reading = {id(entry) for found in used for entry in found}
+    there = {*names, *(name.rsplit("/", 1)[-1] for name in names)}
     for number, entry in enumerate(mapping.tests, 1):
-        if id(entry) not in reading and not entry.optional:
+        missing = [name for name in entry.files if not set(name) & set("*?[") and name not in there]
+        if not entry.optional and (missing or id(entry) not in reading):
             raise TableError(
-                f"{folder}: entry {number} of the mapping ({entry.kind}, files {entry.files}) reads no file; correct"
-                " `files`, move it before an entry that takes its files, repeat that entry's pattern if both read one table,"
-                " or set `optional: true`"
+                f"{folder}: entry {number} of the mapping ({entry.kind}, files {missing or entry.files}) reads no file;"
+                " correct `files`, move it before an entry that takes its files, repeat that entry's pattern if both read"
+                " one table, or set `optional: true`"
             )
 
 

@@ -54,9 +54,8 @@ WIDTH_MM = (1.0, 300.0)
 STRETCH = (0.2, 15.0)
 SHEAR_MODULUS_MPA = (0.5e-3, 5.0)  # secant modulus of a sample
 LEAST_STRETCH_RANGE = 0.05
-LARGEST_MODULUS_RATIO = (
-    10.0  # between a sample and the median of its material: scatter of curing stays below 2
-)
+# between a sample and the median of its material: scatter of curing stays below 2
+LARGEST_MODULUS_RATIO = 10.0
 LATERAL_STRETCH = 0.2  # relative distance of a tracked stretch_2 from the load case
 
 

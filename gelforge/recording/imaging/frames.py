@@ -29,8 +29,8 @@ class Frame:
 def images_in(folder: Path) -> list[Path]:
     """Return the images of a folder by the numbers in their names: frame_2 before frame_10, 1.25 before 1.5.
 
-    Where the part after a point counts, as in cam1.2 and cam1.10, it is a number of its own: no decimal fraction is written
-    with a last zero here and with fewer digits there.
+    Where the part after a point counts, as in cam1.2 and cam1.10, it is a number of its own: no decimal fractions are
+    written with a last zero here and with fewer digits there, or rise by equal steps of whole numbers.
     """
     paths = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
     names = {path: re.split(r"(\d+(?:\.\d+)?)", path.stem) for path in paths}
@@ -55,8 +55,10 @@ def images_in(folder: Path) -> list[Path]:
 
 def _counts(fractions: set[str]) -> bool:
     """Return whether digits after a point are numbers that count on, not decimal fractions."""
-    widths = {len(text) for text in fractions}
-    return len(widths) > 1 and any(len(text) > min(widths) and text.endswith("0") for text in fractions)
+    widths, numbers = {len(text) for text in fractions}, sorted(map(int, fractions))
+    even = len(numbers) > 2 and len({after - before for before, after in zip(numbers, numbers[1:])}) == 1
+    last_zero = any(len(text) > min(widths) and text.endswith("0") for text in fractions)
+    return len(widths) > 1 and (even or last_zero)
 
 
 def frames(source: str | Path | int) -> Iterator[Frame]:

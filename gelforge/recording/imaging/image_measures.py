@@ -25,9 +25,8 @@ RUNS, RUN_LENGTH = 3, 8
 # pixels, flow with 2 % of its pixels wrong has 3.5 % and more (docs/flow.md).
 APART_PX, APART_SHARE = 3.0, 0.25  # of the flow's length, whichever is larger
 LEAST_CORRELATION = 0.5
-CONTRAST_KEPT = (
-    0.5  # standard deviation of an image over the reference's, above which its texture is not counted
-)
+# standard deviation of an image over the reference's, above which its texture is not counted
+CONTRAST_KEPT = 0.5
 WINDOW_PX = 17  # side of the square in which images are correlated
 
 

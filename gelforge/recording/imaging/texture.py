@@ -15,17 +15,14 @@ import numpy as np
 NOISE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
 NOISE_PX = 16  # side of the squares among which the smoothest show the noise
 NOISE_PERCENTILE = 2.0
-NOISE_GREY = (
-    0.3,
-    4.0,
-)  # rounding to whole grey levels; a camera's own at most: above it the smoothest squares show texture
+# rounding to whole grey levels; a camera's own at most: above it the smoothest squares show texture
+NOISE_GREY = 0.3, 4.0
 BLUR_PX = 1.0  # before gradients are taken
 # Smaller eigenvalue of the gradients' mean product, over the noise's variance. Noise alone gives 0.02, its largest squares
 # 0.03; particles and dots of 20 grey levels under noise of 2 give 10 and more.
 LEAST_RATIO = 0.1
-FAR_SHARE = (
-    1e-4  # of texture in the weighted neighbourhood, below which the flow that stands in falls to zero
-)
+# of texture in the weighted neighbourhood, below which the flow that stands in falls to zero
+FAR_SHARE = 1e-4
 
 
 def noise_grey(image: np.ndarray) -> float:

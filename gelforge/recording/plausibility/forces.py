@@ -21,16 +21,15 @@ TARED_FLOORS = 5.0  # a mean of zero rows this far from zero is no noise
 TARED_SHARE = 0.01  # of the session's largest force: less does not decide how large a force is
 TARED_INDENTATIONS = 0.1  # of a session: fewer are single failures
 STEP_SHARE = 0.2  # of the force at depth: what touches earlier is adhesion or the scatter of depth zero
-CLEAR_MM = (
-    0.1  # above the surface by more than this, or four standard deviations of depth zero, nothing touches
-)
-SILENT_FLOORS = 5.0
+# above the surface by more than this, or four standard deviations of depth zero, nothing touches
+CLEAR_MM = 0.1
+SILENT_FLOORS = 5.0  # as TARED_FLOORS
 SILENT_SHARE = 0.1  # of the session's usual force at that depth: softer than that is no site of one sensor
 SAME_WAY = 0.9  # share of indentations that push one way: a channel that answers nothing has half of its noise either way
 OFF_MM = 0.05  # depth zero may be off by this, or by three times its stated scatter
 DEEPER = 1.5  # depths that are compared: one this many times the other
 FALLS_TO = 0.4  # of a force in proportion to depth, the least that a gel shows: softening and ageing take less than 60 %
-GROWING_FLOORS = 10.0
+GROWING_FLOORS = 10.0  # the floor is then a tenth of the force
 
 
 def force_before_touch(data: SessionData) -> list[Finding]:

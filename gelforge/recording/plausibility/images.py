@@ -12,20 +12,14 @@ import numpy as np
 import pandas as pd
 
 from gelforge.recording.plausibility.findings import Finding, Level, mostly
-from gelforge.recording.plausibility.image_series import (
-    LEAST_LIGHT,
-    LEAST_TEXTURE,
-    ImageSeries,
-)
+from gelforge.recording.plausibility.image_series import LEAST_LIGHT, LEAST_TEXTURE, ImageSeries
 from gelforge.recording.plausibility.image_steps import lag
 
 DARK, BRIGHT = 10.0, 245.0  # mean grey levels that are called black and white
 EXPOSURE_STEP = 0.15  # lamps warm by less from one image to the next, and pressing shades less
 LIGHT_IMAGES = 11  # in the running median of the light where an indentation has no image before contact
-BANDS, BANDED_SHARE = (
-    0.3,
-    0.1,
-)  # relative brightness that misleads the flow; of the untouched images that show it
+# relative brightness that misleads the flow; of the untouched images that show it
+BANDS, BANDED_SHARE = 0.3, 0.1
 BEFORE_SHARE = 0.5  # of the flow under load: images before contact that move more do not stand still
 ONE_BEFORE_SHARE = 0.3  # of the flow under load, of a single image
 SPREADS = 6.0  # robust standard deviations of the untouched images' flow, beyond which one is no accident

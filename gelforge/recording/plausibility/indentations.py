@@ -12,10 +12,8 @@ from gelforge.indentation.paths.places import DEPTH_MATCH_MM, POSITION_MATCH_MM,
 from gelforge.recording.plausibility.streams import FORCE
 
 NORMAL_MAD = 1.4826  # standard deviation of a normal variable over its median absolute deviation
-EXPONENTS = (
-    0.8,
-    2.5,
-)  # of force over depth: a flat punch has 1, a ball on a thick gel 1.5, on a thin one 2 and more
+# of force over depth: a flat punch has 1, a ball on a thick gel 1.5, on a thin one 2 and more
+EXPONENTS = 0.8, 2.5
 STEP_FLOORS, LEAST_FLOORS, ISOLATED = 15.0, 8.0, 3.0  # see isolated_floors
 
 

@@ -9,18 +9,18 @@ import pandas as pd
 from scipy.stats import beta, binom
 
 from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.plausibility.indentations import scatter_N
 
 if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
 RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
 CHANCE = 1e-6  # of so many readings, or indentations, at exactly the largest value of an honest channel
-LEAST_PAIRS = 10  # of neighbours, to know how often two readings are equal
+LEAST_PAIRS = 10  # of neighbours, to know how often two readings are equal; and of levels, to know their step
 LEAST_PRESSES = 3  # of a depth, to know how often two sites read the same
-STEPS_APART, APART_SHARE = (
-    2,
-    0.02,
-)  # noise beyond rounding: so many neighbours differ by so many steps of the channel
+STEPS_APART, APART_SHARE = 2, 0.02  # noise beyond rounding: so large a share differs by so many steps
+# of the channel, with the scatter of a reading, by which a force has to be beyond the largest value
+STUCK_STEPS = 3.0
 SPREAD_STEPS = 4  # steps of the channel between sites; less and rounding alone makes them equal
 MARGIN = 2.0  # on the share of sites that read the same by chance
 
@@ -28,8 +28,9 @@ MARGIN = 2.0  # on the share of sites that read the same by chance
 def force_saturates(data: SessionData) -> list[Finding]:
     """Return the indentations that reach a largest value which the channel never exceeds and at which it has no noise.
 
-    Two signs of it, both compared with the rest of the session: neighbouring readings at the largest value are equal,
-    where others differ by noise; indentations read it to the last digit, where sites differ at other depths.
+    Three signs of it: neighbouring readings at the largest value are equal, where others differ by noise; indentations
+    read it to the last digit, where sites differ at other depths; or where their force at a smaller depth of the same site,
+    in proportion to depth, is beyond it: a gel's force grows at least so.
     """
     held = data.readings[data.readings["phase"].isin(["load", "dwell", "shear"])].dropna(subset=RAW)
     held = held[~held.index.isin(data.repeated_rows)]  # of a dead sensor, known as such
@@ -38,22 +39,26 @@ def force_saturates(data: SessionData) -> list[Finding]:
         return []
     found: dict[str, Finding] = {}
     for axis, name in enumerate(RAW):
-        step = _step(held[name], still[name], float(data.session.force.resolution_N[axis]))
+        step = _step(data.readings[name], float(data.session.force.resolution_N[axis]))
         for extreme in (held[name].min(), held[name].max()):
             top = (held[name] == extreme).to_numpy()
             # readings from ft.csv are means of several samples, whose noise is not that of their steps
             noiseless = data.log is None and _without_noise(held, still, name, top, step)
-            if noiseless or _without_sites(held, still, name, top, step):
+            zero = float(still[name].median()) if len(still) else 0.0
+            if (
+                noiseless
+                or _without_sites(held, zero, name, top, step)
+                or _short_of_proportion(data, held, zero, name, top, step)
+            ):
                 for finding in _findings(data, held, name[:2], extreme, top):
                     found.setdefault(finding.press, finding)
     return mostly(list(found.values()), data.readings["press"].nunique())
 
 
-def _step(held: pd.Series, still: pd.Series, resolution: float) -> float:
-    """Return the step of a channel [N]: what it resolves, or the smallest change that is seen, if that is more."""
-    changes = np.abs(np.concatenate([np.diff(held), np.diff(still)]))
-    changes = changes[changes > 0]
-    return max(resolution, float(np.quantile(changes, 0.05)) if len(changes) else resolution)
+def _step(readings: pd.Series, resolution: float) -> float:
+    """Return the step of a channel [N]: what it resolves, or the least distance of two readings, if that is more."""
+    levels = np.unique(np.round(readings.dropna(), 9))
+    return max(resolution, float(np.diff(levels).min())) if len(levels) >= LEAST_PAIRS else resolution
 
 
 def _without_noise(held, still, name: str, top: np.ndarray, step: float) -> bool:
@@ -77,7 +82,7 @@ def _without_noise(held, still, name: str, top: np.ndarray, step: float) -> bool
     return bool(binom.sf(both.sum() - 1, ours.sum(), equal) < CHANCE)
 
 
-def _without_sites(held: pd.DataFrame, still: pd.DataFrame, name: str, top: np.ndarray, step: float) -> bool:
+def _without_sites(held: pd.DataFrame, zero: float, name: str, top: np.ndarray, step: float) -> bool:
     """Return whether more indentations reach exactly the largest value than read the same at other depths."""
     reading = held.assign(top=top, depth=held["depth_mm"].round(2)).groupby(["press", "depth"], sort=False)
     presses = reading.agg(top=("top", "any"), first=(name, "first")).reset_index()
@@ -85,7 +90,6 @@ def _without_sites(held: pd.DataFrame, still: pd.DataFrame, name: str, top: np.n
     groups = [group["first"] for _, group in others.groupby("depth") if len(group) >= LEAST_PRESSES]
     if sum(map(len, groups)) < len(others) / 2:
         groups = [others["first"]]  # depths chosen at random
-    zero = float(still[name].median()) if len(still) else 0.0
     groups = [group for group in groups if len(group) >= LEAST_PRESSES and group.median() != zero]
     if not groups or not top.any():
         return False
@@ -98,6 +102,24 @@ def _without_sites(held: pd.DataFrame, still: pd.DataFrame, name: str, top: np.n
     equal = max(equal, min(1.0, MARGIN * step / spread))
     own = presses[presses["depth"].isin(presses.loc[presses["top"], "depth"])]
     return bool(binom.sf(presses["top"].sum() - 1, len(own), equal) < CHANCE)
+
+
+def _short_of_proportion(
+    data, held: pd.DataFrame, zero: float, name: str, top: np.ndarray, step: float
+) -> bool:
+    """Return whether sites, or two depths of one, read exactly the largest value where their force has to be beyond it.
+
+    Where a force below the largest value levels off too, the gel does it.
+    """
+    size, site = (held[name] - zero).abs(), held["press"].map(data.indentations["site"])
+    table = held.assign(top=top, size=size, site=site, depth=held["depth_mm"].round(2))
+    table = table.groupby(["site", "depth"]).agg(top=("top", "any"), size=("size", "median")).reset_index()
+    steepest = (table["size"] / table["depth"]).groupby(table["site"])
+    least = table["depth"] * steepest.transform(lambda slope: slope.cummax().shift())
+    beyond = least - table["size"] > STUCK_STEPS * np.hypot(step, scatter_N(data.readings, [name])[0])
+    reached = table[table["top"]].groupby("site").size()
+    gel = (beyond & ~table["top"]).any()
+    return bool(not gel and beyond.any() and (len(reached) >= LEAST_PRESSES or reached.max() > 1))
 
 
 def _spread(values: pd.Series) -> float:

@@ -71,9 +71,9 @@ def _of_images(test: Callable[[ImageSeries], list[Finding]]) -> Test:
 
 TESTS: dict[str, Test] = {
     "mirrored_axes": positions.mirrored_axes,
+    "force_saturates": saturation.force_saturates,  # first: what is cut off seems to lead, and not to grow
     "force_in_step": timing.force_in_step,
     "force_before_touch": forces.force_before_touch,
-    "force_saturates": saturation.force_saturates,
     "force_repeats": forces.force_repeats,
     "force_answers": forces.force_answers,
     "force_grows": forces.force_grows,

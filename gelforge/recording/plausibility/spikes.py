@@ -15,12 +15,10 @@ from gelforge.recording.plausibility.streams import FORCE
 if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
-SPIKE_SHARE = (
-    0.2  # of the largest force towards the gel of the indentation's other readings: less is stick and slip
-)
-LARGEST_FRICTION = (
-    2.0  # as of `mechanics.friction`: sideways over what pushes or pulls where the contact is weak
-)
+# of the largest force towards the gel of the indentation's other readings: less is stick and slip
+SPIKE_SHARE = 0.2
+# as of `mechanics.friction`: sideways over what pushes or pulls where the contact is weak
+LARGEST_FRICTION = 2.0
 
 
 def force_spikes(data: SessionData) -> list[Finding]:

@@ -15,13 +15,11 @@ from gelforge.recording.tables.checks import RecordingError
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
 WINDOW_S = 0.02  # samples this far from a reading are averaged: less than a camera's frame time
-FEW = 3
-GAP_PERIODS = (
-    3.0  # samples farther apart than this many periods of the log enclose a gap: one or two lost are none
-)
-SLOW_SHARE = (
-    0.9  # the period is this quantile of the steps, so that a log that slows down while idle has no gaps
-)
+FEW = 3  # samples of a mean
+# samples farther apart than this many periods of the log enclose a gap: one or two lost are none
+GAP_PERIODS = 3.0
+# the period is this quantile of the steps, so that a log that slows down while idle has no gaps
+SLOW_SHARE = 0.9
 SLOWEST = 10.0  # but at most so many times the median step, so that many gaps do not hide each other
 COARSEST_TICK_S = 0.1  # of a clock whose samples share stamps: the time between two dwell readings
 ENDS_S = 1.0  # readings farther than this before or after the whole log: its clock is another
@@ -84,7 +82,7 @@ def read_force_log(path: Path, delay_s: float = 0.0) -> ForceLog:
     stamps, counts = np.unique(time, return_counts=True)
     if counts.max() > 1:
         tick = float(np.median(np.diff(stamps))) if len(stamps) > 1 else np.inf
-        if tick > COARSEST_TICK_S:
+        if tick > (1 + 1e-6) * COARSEST_TICK_S:
             line = samples.index[np.flatnonzero(np.diff(time) == 0)[0] + 1]
             raise RecordingError(
                 f"{path}, row {line}: {counts.max()} samples share the stamp {time[np.diff(time).argmin()]:.9g} s of a "

@@ -16,19 +16,16 @@ if TYPE_CHECKING:
 
 LEAST_INDENTATIONS = 3  # that a lag is found from
 MOST_INDENTATIONS = 200  # spread evenly: more add nothing
-UNEXPLAINED = (
-    0.1  # share of the force's variance that depth leaves unexplained: sites and relaxation leave less
-)
+# share of the force's variance that depth leaves unexplained: sites and relaxation leave less
+UNEXPLAINED = 0.1
 BETTER = 3.0  # by so many times less must remain at the lag than without it
 NEAR_BEST = 0.05  # of what a lag explains: the least lag that misses no more than this is the one
 LEAST_LIMIT_S = 0.15  # filters of force sensors, and a stage that settles
 COARSE_S, STEP_S = 0.1, 0.02  # between lags that are tried, at first and around the best one
 DENSE_S = 0.05  # between times within a wait, or before contact
 FARTHEST_S = 60.0  # the largest lag that is looked for
-BEND_WINDOW_S, MOTION = (
-    0.35,
-    0.8,
-)  # of the log around arrival, and of the way under load, where the bend is looked for
+# of the log around arrival, and of the way under load, where the bend is looked for
+BEND_WINDOW_S, MOTION = 0.35, 0.8
 RISEN = 0.9  # of the force reached while waiting: at the commanded depth it is there
 
 

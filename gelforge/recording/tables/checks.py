@@ -15,8 +15,6 @@ from gelforge.indentation.sensor.stage_frame import first_outside
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}
 DEPTH_MM = (0.02, 30.0)  # deepest indentation of a session: below it is metres, above it micrometres
 FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
-# Resolutions, with the scatter of readings, by which a force has to grow where depth does, to be stuck if it does not
-STUCK_STEPS = 3.0
 # Between time_s and dwell_s: a dwell rounded to seconds stays within, milliseconds do not
 CLOCK_RATIO = 30.0
 
@@ -204,45 +202,6 @@ def check_raw_force(path: Path, table: pd.DataFrame, raw: np.ndarray, force: For
                 f"({source}); "
                 "correct the reading or the range, is it in millinewtons, or in counts (force.counts_per_unit of an import)?"
             )
-
-
-def check_saturation(
-    path: Path, table: pd.DataFrame, raw: np.ndarray, force: ForceSensor, scatter_N: np.ndarray
-) -> None:
-    """Raise RecordingError for an axis whose largest reading stays the same, to the last digit, while indentations go
-    deeper.
-
-    A gel's force grows at least in proportion to depth, so between two depths of one place it should grow by their ratio.
-    What rounding and the scatter of a reading (3,) [N] may hide is let pass, and rounded readings that noise made equal: of
-    a saturated sensor every depth of the place from some one to the deepest reaches the end of its range, and no reading
-    without load does.
-    """
-    held, before = (table["phase"].isin(names).to_numpy() for names in (["load", "dwell"], ["zero"]))
-    for axis, name in enumerate(("fx_N", "fy_N", "fz_N")):
-        zero = raw[before, axis] if before.any() else np.zeros(1)
-        for extreme in (raw[held, axis].min(), raw[held, axis].max()):
-            stuck = raw[held, axis] == extreme
-            if stuck.sum() < 2:  # of one depth
-                continue
-            depth = _stuck_to_the_deepest(table[held], stuck)
-            growth = np.abs(extreme - zero).min() * (depth["max"] / depth["min"] - 1)
-            if growth.max() > STUCK_STEPS * np.hypot(force.resolution_N[axis], scatter_N[axis]):
-                (x, y), (low, high) = growth.idxmax(), depth.loc[growth.idxmax()]
-                raise RecordingError(
-                    f"{path}: {name} is {extreme:.6g} N at {low:g} and at {high:g} mm of ({x:g}, {y:g}) and never beyond: "
-                    "the force sensor is saturated; remove the indentations that reach it, or record with a larger range"
-                )
-
-
-def _stuck_to_the_deepest(table: pd.DataFrame, stuck: np.ndarray) -> pd.DataFrame:
-    """Return by place the least (`min`) and largest (`max`) of the deepest depths that all have a stuck reading."""
-    depths = (
-        table.assign(stuck=stuck, depth_mm=table["depth_mm"].round(2))
-        .groupby(["x_mm", "y_mm", "depth_mm"])["stuck"]
-        .any()
-    )
-    from_below = depths[::-1].groupby(["x_mm", "y_mm"]).cumprod().astype(bool)
-    return from_below[from_below].reset_index().groupby(["x_mm", "y_mm"])["depth_mm"].agg(["min", "max"])
 
 
 def check_force(path: Path, readings: pd.DataFrame, force: ForceSensor) -> None:
