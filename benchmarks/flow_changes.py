@@ -28,7 +28,6 @@ from gelforge.indentation.planning.plan import plan_cells
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.images.flow_fields import Moved, each_moved
 from gelforge.mismatch.images.flow_images import (
     FlowObservation,
     away_from_indenter,
@@ -37,6 +36,7 @@ from gelforge.mismatch.images.flow_images import (
     mean_motion,
     seen_flows,
 )
+from gelforge.mismatch.images.flow_model import Moved, each_moved
 from gelforge.mismatch.pipeline.stage import observations_of
 
 SEED = 77

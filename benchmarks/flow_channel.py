@@ -30,7 +30,7 @@ from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.images.flow import with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge
 from gelforge.mismatch.pipeline.stage import observations_of, problem_of
-from gelforge.mismatch.summary.flow_section import after_of, flow_section
+from gelforge.mismatch.summary.sections import after_of, flow_section
 from gelforge.virtual_lab.session import make_session
 from gelforge.virtual_lab.truth import simulate_truth_cell
 

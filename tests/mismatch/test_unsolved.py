@@ -9,9 +9,9 @@ import specimens
 
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.mismatch.fem import solutions, unsolved
+from gelforge.mismatch.fem.nominal import base_where_solved, without
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
 from gelforge.mismatch.fem.solver import base_of
-from gelforge.mismatch.fem.unsolved import base_where_solved, without
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 
 MIDDLE, EDGE, MIRRORED = (8.0, 8.0), (8.0, 1.1), (1.1, 8.0)  # of 16 mm; the wall is 1 mm thick

@@ -6,8 +6,7 @@ import numpy as np
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Context, Shape
 from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
 SHORTEST_S = 0.1

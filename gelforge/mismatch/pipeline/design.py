@@ -10,15 +10,16 @@ import pandas as pd
 from gelforge.config import ConfigError, DepthZero, ForceSensor, Study
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.identifiability import Plan, detection_limits, next_experiment
+from gelforge.mismatch.evidence.identifiability import Plan, next_experiment
+from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.pipeline.experiments import CLEAR_S, of_camera, planned, rivals, survivor, weights
 from gelforge.mismatch.pipeline.stage import problem_of, spread
-from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM, depth_scatter
+from gelforge.mismatch.readings.errors import CONTACT_POINT_MM, depth_scatter
 from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.readings.sessions import SPEED_MM_PER_S
 from gelforge.mismatch.result.verdict import NamedEffect, Verdict
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.summary.findings import limits_of
 
 DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
 LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)
@@ -79,11 +80,10 @@ def planned_problem(solver: Solver) -> Problem:
 
 def limits_table(problem: Problem) -> pd.DataFrame:
     """Return per effect and parameter the smallest value that planned readings would show, beside a plausible one."""
-    rows = []
-    for limit in detection_limits(problem.covariance, problem.physics):
-        one = CATALOGUE[limit.name].parameters[limit.parameter]
-        seen = limit.amount <= one.width
-        rows.append((limit.name, one.name, one.unit, limit.amount, one.width, seen))
+    rows = [
+        (one.effect, one.parameter, one.unit, one.amount or np.inf, one.plausible, one.seen)
+        for one in limits_of(problem)
+    ]
     columns = ["effect", "parameter", "unit", "detectable", "plausible", "plausible_amount_seen"]
     return pd.DataFrame(rows, columns=columns).sort_values(["effect", "parameter"], ignore_index=True)
 
@@ -125,7 +125,7 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
         raise ConfigError(f"no indentation shows what the camera alone sees ({reported})")
     plans = list(plans_of(solver, [effects[name] for pair in pairs for name in pair]))
     rows = [
-        (f"{first} or {second}", one.name, one.cost, one.expected_log_odds, one.decides)
+        (f"{first} or {second}", one.words, (one.cost_s or 0.0) / 60, one.expected_log_odds, one.decides)
         for first, second in pairs
         for one in next_experiment(plans, survivor(effects[first]), survivor(effects[second]))
     ]

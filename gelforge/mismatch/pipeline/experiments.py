@@ -9,20 +9,19 @@ import pandas as pd
 
 from gelforge.config import ForceSensor, Study
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.candidates import columns_of
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.identifiability import Plan, next_experiment
+from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.screen import Candidate, Screened
-from gelforge.mismatch.model.context import Context, Curves
-from gelforge.mismatch.model.effect import Parameter
+from gelforge.mismatch.model.effect import Context, Curves, Parameter
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
-from gelforge.mismatch.result.verdict import Amount, Experiment, NamedEffect, Verdict
-from gelforge.mismatch.terms.candidates import columns_of
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.result.verdict import Amount, NamedEffect, Verdict
+from gelforge.mismatch.summary.findings import NINETY
 
 CLEAR_S = 8.0  # between two indentations: the unloading, to the next position and down to the surface
 WEIGHTS_N = (0.5, 1.0, 2.0, 5.0)
 WEIGHT_S = 20.0  # to put a weight on, read and take it off
-NINETY_TO_SIGMA = 2 * 1.6449
 
 
 def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Verdict:
@@ -39,9 +38,7 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
         plans = [again(problem, context, pair), weights(context.study, pair)]
         best = next_experiment(plans, *map(survivor, pair))[0]
         if best.decides:
-            about = {"words": best.name, "separates": list(names), "presses": best.presses}
-            odds = best.expected_log_odds
-            found.append(Experiment(**about, cost_s=60 * best.cost, expected_log_odds=odds))
+            found.append(best)
     found.sort(key=lambda experiment: (experiment.cost_s, -(experiment.expected_log_odds or 0.0)))
     return verdict.model_copy(update={"next_experiments": [*found, *verdict.next_experiments]})
 
@@ -117,4 +114,4 @@ def _spread(amount: Amount, parameter: Parameter) -> float:
     (low, high), value = amount.interval_90, amount.value
     ends = {*parameter.bounds, 0.0} if parameter.sign else {*parameter.bounds}
     sides = [abs(end - value) for end in (low, high) if end not in ends and low <= value <= high]
-    return 2 * max(sides) / NINETY_TO_SIGMA if sides else parameter.width
+    return max(sides) / NINETY if sides else parameter.width

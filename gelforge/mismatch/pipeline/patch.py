@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import Study
+from gelforge.mismatch.evidence.kernels import Module
+from gelforge.mismatch.evidence.refit import Refitted
 from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.terms.module import Module
-from gelforge.mismatch.terms.refit import Refitted
 
 
 def patch_of(

@@ -14,20 +14,20 @@ from gelforge.config import ConfigError, Session, Study, load_session, write_yam
 from gelforge.files import digest, file_sha256
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.effects import CATALOGUE, with_dependencies
+from gelforge.mismatch.evidence.candidates import BOX, body_map, candidates_of, effects_of_forces
 from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.evidence.spread import spread_out
-from gelforge.mismatch.fem.known import with_known
+from gelforge.mismatch.fem.nominal import base_where_solved, with_known
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Amounts, Base, forces_with, read_with
-from gelforge.mismatch.fem.unsolved import base_where_solved
 from gelforge.mismatch.free_forms import changes_of, modules_of, required
-from gelforge.mismatch.goodness.spikes import without_spikes
 from gelforge.mismatch.images.flow import force_part, with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge
+from gelforge.mismatch.inference.spikes import without_spikes
 from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.pipeline.patch import patch_of
-from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.readings.observations import Observations, spread_out
 from gelforge.mismatch.readings.runs import DEPTH_DIGITS
 from gelforge.mismatch.readings.sessions import observe, read_all, session_folders
 from gelforge.mismatch.result.verdict import PATCH, Provenance, Verdict, versions, write_verdict
@@ -42,11 +42,7 @@ from gelforge.mismatch.result.verdict_tables import (
     write_tables,
 )
 from gelforge.mismatch.summary.findings import limits_of, readings_table, taken_over, verdict_of
-from gelforge.mismatch.summary.flow_section import after_of, flow_section, flow_table
-from gelforge.mismatch.summary.model_section import correction_table
-from gelforge.mismatch.terms.body_map import BOX, body_map
-from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.summary.sections import after_of, correction_table, flow_section, flow_table
 from gelforge.progress import stage
 from gelforge.recording.imaging.images import reference_path
 from gelforge.recording.readings import Recording

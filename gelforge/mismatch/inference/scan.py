@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
+from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mismatch.evidence.covariance import Covariance, Estimated
-from gelforge.mismatch.goodness.patterns import Atoms, Pattern
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.inference.patterns import Atoms, Pattern, dictionary
 
-DRAWS = 2000  # the p-value of the maximum then moves by 0.0035 at 0.025
+DRAWS = Mismatch.model_fields["draws"].default  # the p-value of the maximum then moves by 0.0035 at 0.025
 CHUNK = 128  # columns whitened at once: 120 000 entries take 120 MB each time
-NOTHING = 1e-9  # of the largest atom: an atom smaller than that is zero on these readings
-SAME = 1e-8  # of the largest singular value: columns that rounding distinguishes are one
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def _basis(columns: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis (n, rank) of columns (n, p)."""
     norms = np.linalg.norm(columns, axis=0)
     U, s, _ = np.linalg.svd(columns[:, norms > 0] / norms[norms > 0], full_matrices=False)
-    return U[:, s > SAME * s.max(initial=0)]
+    return U[:, s > 1e-8 * s.max(initial=0)]  # columns that rounding distinguishes are one
 
 
 def whitened(atoms: Atoms, covariance: Covariance, fitted: np.ndarray | None = None) -> Atoms:
@@ -101,7 +101,7 @@ def scan(
     estimated (from repeats), each draw has errors of theirs too.
     """
     norms = np.linalg.norm(atoms.values, axis=0)
-    here = np.flatnonzero(norms > NOTHING * norms.max(initial=0))
+    here = np.flatnonzero(norms > 1e-9 * norms.max(initial=0))  # the others are zero on these readings
     if not len(here):
         raise ValueError("no pattern changes these readings; give readings whose nominal forces are not zero")
     unit = atoms.values[:, here] / norms[here]
@@ -127,3 +127,34 @@ def _variance_ratios(
         if np.isfinite(freedom):
             ratios[k] = freedom / rng.chisquare(freedom, draws)
     return shares @ ratios
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualTests:
+    """What a model leaves of some readings, by chance or not."""
+
+    test: GlobalTest
+    scan: Scan
+    unknown_p: float = 1.0  # bound on that of as much evidence for a discrepancy, where that was asked
+    known_p: float = 1.0  # and for the known effects
+
+    @property
+    def p(self) -> float:
+        return min(self.test.p, self.scan.p, self.unknown_p, self.known_p)
+
+
+def residual_tests(
+    problem: Problem,
+    residual: np.ndarray,
+    draws: int,
+    rng: np.random.Generator,
+    fitted: np.ndarray | None = None,
+    atoms: Atoms | None = None,
+) -> ResidualTests:
+    """Return both tests of a residual (n,); fitted (n, p): columns that were fitted; atoms: in place of the dictionary's."""
+    covariance = problem.covariance
+    if atoms is None:
+        atoms = dictionary(problem.labels, problem.observations.flat(problem.base))
+    white = whitened(atoms, covariance, fitted)
+    found = scan(covariance.whiten(residual), white, rng, draws, covariance.estimated)
+    return ResidualTests(global_test(residual, covariance, fitted), found)

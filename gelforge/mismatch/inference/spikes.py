@@ -12,15 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.goodness.patterns import AXES
+from gelforge.mismatch.evidence.kernels import kernels_of
+from gelforge.mismatch.evidence.problem import Problem, never_solved
+from gelforge.mismatch.inference.patterns import AXES
 from gelforge.mismatch.readings.observations import Observations, SetAside
-from gelforge.mismatch.terms.problem import Problem, never_solved
-from gelforge.mismatch.terms.unknown import kernels_of
 
 SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
 ROOM = 3.0  # plausible sizes of a discrepancy, of every kernel: 30 % of the force each, and no spike
 MOST = 0.004  # of the entries, at least one: what strikes more of them is no glitch
-TRIED = 200  # entries looked at, those farthest off
 
 
 def without_spikes(observations: Observations, base: np.ndarray, covariance: Covariance) -> Observations:
@@ -64,7 +63,7 @@ def spikes(problem: Problem) -> dict[int, float]:
     while len(found) <= max(1, MOST * len(residual)):
         part = covariance.restricted(left)
         white = part.whiten(residual[left])
-        tried = np.argsort(-np.abs(white))[:TRIED]
+        tried = np.argsort(-np.abs(white))[:200]
         single = np.zeros((len(left), len(tried)))
         single[tried, np.arange(len(tried))] = 1.0
         columns = part.whiten(single)

@@ -1,0 +1,187 @@
+"""The nominal model of a recording: what a study takes as known, and indentations that find no equilibrium.
+
+Known effects of force sensor, clock, camera or indentations (mismatch.known) become part of the base. Readings of
+indentations that cannot be solved are left out and reported, the others are judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gelforge.config import ConfigError
+from gelforge.config.parts.mismatch import Known
+from gelforge.indentation.paths.places import gaps_to, within
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
+from gelforge.mismatch.fem.solver import Amounts, Base, base_of, forces_with, forgetting
+from gelforge.mismatch.model.effect import Context, Curves, Effect, Shape
+from gelforge.mismatch.model.images_of_presses import image_of
+from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.readings.runs import DEPTH_DIGITS
+from gelforge.mismatch.thresholds import FEWEST
+
+
+def with_known(base: Base, solver: Solver) -> Base:
+    """Return the base with the effects that the study takes as known (the camera's: images/flow.py).
+
+    What changes the force is then read as a known force sensor does.
+
+    Raises ConfigError for an effect, a parameter or a shape that there is not, SolverFailed.
+    """
+    chosen = []
+    for known in solver.study.mismatch.known:
+        effect = _effect_of(known)
+        if effect.to_forces is None:
+            continue
+        _check_shape(known, effect.shapes(base.context))
+        amounts = np.array([known.amounts.get(p.name, 0.0) for p in effect.parameters])
+        chosen.append((effect, known.shape, amounts))
+    if not chosen:
+        return base
+    try:
+        force = forces_with(solver, base, chosen)
+    except NotConverged as failure:
+        names = ", ".join(effect.name for effect, *_ in chosen)
+        raise SolverFailed(
+            f"mismatch.known: the nominal model with {names} does not converge: {failure}"
+        ) from None
+    return _as_read(
+        replace(base, context=replace(base.context, force=force)), _sensor_of(base.context, chosen)
+    )
+
+
+def _sensor_of(context: Context, chosen: Sequence[Amounts]) -> np.ndarray:
+    """Return the matrix (3, 3) by which known effects read one newton more along each axis; what only adds: as it is."""
+
+    def read(force):
+        for effect, shape, amounts in chosen:
+            if not effect.solved and effect.to_forces is not None:
+                force = effect.to_forces(replace(context, force=force), shape, force, tuple(amounts))
+        return force
+
+    alone = read(context.force)
+    return np.column_stack([(read(context.force + axis) - alone)[0] for axis in np.eye(3)])
+
+
+def _as_read(base: Base, sensor: np.ndarray) -> Base:
+    """Return the base whose derivatives, laws and mesh's errors are read by a force sensor (3, 3), as its forces are."""
+
+    def read(curves: Curves) -> Curves:
+        return replace(curves, values=tuple(values @ sensor.T for values in curves.values))
+
+    own = base.context
+    context = replace(
+        own,
+        curves=read(own.curves),
+        derivatives={name: read(curves) for name, curves in own.derivatives.items()},
+        at_readings={name: values @ sensor.T for name, values in own.at_readings.items()},
+    )
+    law, floor = np.einsum("ij,rjq->riq", sensor, base.law), np.sqrt(base.floor**2 @ (sensor**2).T)
+    return replace(base, context=context, law=law, floor=floor, sensor=sensor)
+
+
+def _effect_of(known: Known) -> Effect:
+    effect = CATALOGUE.get(known.effect)
+    if effect is None or (effect.to_forces is None and effect.to_camera is None):
+        raise ConfigError(
+            f"mismatch.known: no effect {known.effect!r} of forces or camera; the catalogue has {sorted(CATALOGUE)}"
+        )
+    unknown = set(known.amounts) - {p.name for p in effect.parameters}
+    if unknown:
+        names = [p.name for p in effect.parameters]
+        raise ConfigError(f"mismatch.known, {known.effect}: no parameter {sorted(unknown)}; it has {names}")
+    return effect
+
+
+def _check_shape(known: Known, offered: Sequence[Shape]) -> None:
+    """Raise ConfigError where it is not said which shape is meant; numbers may lie between those offered, words not.
+
+    Of effects that these readings cannot show, nothing is offered and nothing checked.
+    """
+    if not offered:
+        return
+    ways = {key: sorted({shape[key] for shape in offered}) for key in offered[0]}
+    tried = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in ways.items()) or "none"
+    if set(known.shape) != set(ways):
+        raise ConfigError(
+            f"mismatch.known, {known.effect}: its shape has {sorted(known.shape)} and must have {sorted(ways)};"
+            f" those tried are {tried}"
+        )
+    for key, value in known.shape.items():
+        if isinstance(value, str) and value not in ways[key]:
+            raise ConfigError(f"mismatch.known, {known.effect}: no {key} {value!r}; those tried are {tried}")
+
+
+SLACK_MM = 0.5 * 10.0**-DEPTH_DIGITS
+
+
+def base_where_solved(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
+    """Return the base of the readings that it can be solved for; the observations of its context say what is left out.
+
+    Raises SolverFailed where it is not known which those are, where they are fewer than FEWEST of the readings, and of a gel
+    that softens: what an indentation left behind that was not solved is missing in all that follow.
+    """
+    effects, kept = list(effects), observations
+    unsolved: list[Unsolved] = []
+    while True:
+        try:
+            return base_of(solver, kept, effects)
+        except SolverFailed as failure:
+            unsolved += failure.presses
+            fewer = without(solver, observations, unsolved)
+            if solver.study.mechanics.effects.history.softens or len(fewer.force) == len(kept.force):
+                raise
+            share = len(fewer.force) / len(observations.force)
+            if share < FEWEST:
+                raise SolverFailed(
+                    f"{_why(unsolved)}; {share:.0%} of the readings are left, at least {FEWEST:.0%} are needed: record"
+                    " shallower indentations, or see where the study's own sites stop (`gelforge press`)"
+                ) from None
+            kept = fewer
+
+
+def without(solver: Solver, observations: Observations, presses: Sequence[Unsolved]) -> Observations:
+    """Return the observations without the readings of indentations that are not solved, at mirror images too, and say so.
+
+    Of an indentation that went deeper than could be solved the readings of its loading to there are kept.
+    """
+    table = observations.table
+    beyond, way_up_from = _bounds(solver, observations.sites, presses)[table["site"].to_numpy()].T
+    deepest = table["deepest_mm"].to_numpy(float)
+    cut = deepest > beyond + SLACK_MM
+    up = (table["phase"] == "unload").to_numpy() & (cut | (deepest > way_up_from - SLACK_MM))
+    left_out = up | (table["depth_mm"].to_numpy(float) > beyond + SLACK_MM)
+    part = observations.chosen(~left_out)
+    reached = part.table.groupby("press")["depth_mm"].transform("max")
+    part = replace(
+        part, table=part.table.assign(deepest_mm=np.where(cut[~left_out], reached, deepest[~left_out]))
+    )
+    reported = (
+        f"{left_out.sum()} of {len(left_out)} readings are not judged, as {_why(presses)}; how these indentations"
+        " softened the"
+        " gel is not followed"
+    )
+    return part.at_sites(np.unique(part.table["site"])).saying(reported)
+
+
+def _why(presses: Sequence[Unsolved]) -> str:
+    return f"the simulation finds no equilibrium {'; '.join(one.words for one in presses)}"
+
+
+def _bounds(solver: Solver, sites: np.ndarray, presses: Sequence[Unsolved]) -> np.ndarray:
+    """Return per site (S, 2) [mm] the depth that is solved at most, and that from which on no unloading is."""
+    bounds, study = (
+        np.full((len(sites), 2), np.inf),
+        forgetting(solver).study,
+    )  # whose mirror images are solved
+    for number, (x, y) in enumerate(sites):
+        image, _ = image_of(study, PlannedCell("", float(x), float(y), (1.0,)))
+        for one in presses:
+            if within(gaps_to((image.x_mm, image.y_mm), (one.x_mm, one.y_mm))[0]):
+                bounds[number] = np.minimum(bounds[number], [one.beyond_mm, one.unloading_from_mm])
+    return bounds
