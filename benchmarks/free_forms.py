@@ -42,11 +42,11 @@ from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models.yeoh import Yeoh
 from gelforge.mismatch.evidence.problem import Problem
-from gelforge.mismatch.fem.nominal import with_known
+from gelforge.mismatch.fem.nominal import observations_of, problem_of, with_known
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of
 from gelforge.mismatch.inference.judge import Judgement, judge
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of, write_patch
+from gelforge.mismatch.pipeline.stage import write_patch
 from gelforge.mismatch.result.verdict import PATCH
 from gelforge.mismatch.summary.findings import readings_table, taken_over
 

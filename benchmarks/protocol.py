@@ -25,10 +25,10 @@ from gelforge.config import Study, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.fem.nominal import observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of, forces_with
 from gelforge.mismatch.inference.judge import judge
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.summary.findings import own_values, value_entries
 

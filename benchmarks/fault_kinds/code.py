@@ -147,7 +147,7 @@ FAULTS = tuple(
          "np.hypot(trend, np.sqrt(of_trend)), np.sqrt(ratio * variance)",
          "np.hypot(trend, np.sqrt(of_trend)), np.sqrt(ratio) * variance",
          "tests/mismatch/test_zeros_together.py"),
-        ("single readings", "gelforge/mismatch/inference/spikes.py", "SPIKE = 5.0", "SPIKE = 50.0",
+        ("single readings", "gelforge/mismatch/inference/scan.py", "SPIKE = 5.0", "SPIKE = 50.0",
          "tests/mismatch/test_spikes.py -k set_aside"),
         ("names of a verdict", "gelforge/mismatch/result/verdict.py", "SURE = 0.9", "SURE = 0.5",
          "tests/mismatch/test_judge.py -k not_sure"),

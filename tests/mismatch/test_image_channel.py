@@ -16,6 +16,7 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.fem.nominal import IMAGES_LEFT_OUT, observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.images import flow_images
 from gelforge.mismatch.images import flow_model as flow_model_module
@@ -32,7 +33,7 @@ from gelforge.mismatch.images.flow_images import (
 from gelforge.mismatch.images.flow_model import FlowUnknown, each_moved, flow_model
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.patterns import dictionary
-from gelforge.mismatch.pipeline.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
+from gelforge.mismatch.pipeline.stage import judge_recording
 from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import FLOW, READINGS, read_table
 from gelforge.mismatch.summary.sections import after_of, flow_section

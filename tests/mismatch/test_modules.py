@@ -22,7 +22,7 @@ from gelforge.mismatch.free_forms import modules_of
 from gelforge.mismatch.free_forms.strain_energy import TERM
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.posterior import Posterior
-from gelforge.mismatch.pipeline.patch import patch_of
+from gelforge.mismatch.pipeline.stage import patch_of
 from gelforge.mismatch.result.verdict import VERDICT, Verdict, read_verdict, write_verdict
 from gelforge.mismatch.result.verdict_tables import MODULE, write_tables
 from gelforge.mismatch.summary.sections import correction_table

@@ -20,10 +20,11 @@ from gelforge.config import Study, load_study
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.kernels import kernels_of, weighed_unknown
 from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.fem.nominal import observations_of, problem_of
 from gelforge.mismatch.inference.posterior import chance_of_known
 from gelforge.mismatch.inference.scan import residual_tests
 from gelforge.mismatch.model.effect import Context
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of, solver_of
+from gelforge.mismatch.pipeline.stage import solver_of
 from gelforge.mismatch.result.verdict import ALARM_P
 from validation.draw import base_world
 from validation.library import Library, load_library

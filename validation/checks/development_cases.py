@@ -10,7 +10,8 @@ import numpy as np
 
 from gelforge.config import load_study
 from gelforge.mismatch.evidence.problem import Problem
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of, solver_of
+from gelforge.mismatch.fem.nominal import observations_of, problem_of
+from gelforge.mismatch.pipeline.stage import solver_of
 from gelforge.mismatch.readings.sessions import session_folders
 from validation import sealing
 from validation.draw import DEVELOPMENT, Case, cases

@@ -38,6 +38,7 @@ from gelforge.mismatch.thresholds import PLAUSIBLE, SCALES, TEMPERING
 AXES = "xyz"
 # Cosines along each coordinate; beside: over depth, beside those of place, path or indentation
 MODES = {"depth": 6, "beside": 3, "place": 4, "time": 8, "path": 3}
+# Axes of the force; None: all in proportion
 DIRECTIONS = {
     "the pressing force": (2,),
     "the sideways forces": (0, 1),
@@ -143,7 +144,8 @@ def weighed_unknown(problem: Problem, kernels: Sequence[Kernel], judged: Screene
 
     The values of what was judged stay free, to first order about those found.
     """
-    residual, covariance, parts = problem.residual, problem.covariance, ()
+    residual, covariance = problem.residual, problem.covariance
+    parts: tuple[Candidate, ...] = ()
     if judged is not None:
         parts = judged.parts
         covariance = problem.with_model_error(parts, judged.amounts).covariance

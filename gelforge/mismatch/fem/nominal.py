@@ -1,29 +1,44 @@
-"""The nominal model of a recording: what a study takes as known, and indentations that find no equilibrium.
+"""The nominal model of a recording, and the problem that its readings pose beside it.
 
-Known effects of force sensor, clock, camera or indentations (mismatch.known) become part of the base. Readings of
-indentations that cannot be solved are left out and reported, the others are judged.
+What a study takes as known of force sensor, clock, camera or indentations (mismatch.known) becomes part of the base.
+Readings of indentations that find no equilibrium are left out and reported, the others are judged.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from gelforge.config import ConfigError
+from gelforge.config import ConfigError, Study
 from gelforge.config.parts.mismatch import Known
 from gelforge.indentation.paths.places import gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.effects import CATALOGUE, with_dependencies
+from gelforge.mismatch.evidence.candidates import BOX, candidates_of, effects_of_forces
+from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
-from gelforge.mismatch.fem.solver import Amounts, Base, base_of, forces_with, forgetting
+from gelforge.mismatch.fem.solver import Amounts, Base, base_of, forces_with, forgetting, read_with
+from gelforge.mismatch.free_forms import changes_of, modules_of, required
+from gelforge.mismatch.inference.scan import without_spikes
 from gelforge.mismatch.model.effect import Context, Curves, Effect, Shape
 from gelforge.mismatch.model.images_of_presses import image_of
-from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.readings.observations import Observations, spread_out
 from gelforge.mismatch.readings.runs import DEPTH_DIGITS
+from gelforge.mismatch.readings.sessions import observe, read_all
 from gelforge.mismatch.thresholds import FEWEST
+from gelforge.progress import stage
+from gelforge.recording.readings import Recording
+
+IMAGES_LEFT_OUT = (
+    "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
+    " which takes longer and distinguishes gel stiffness from force gain"
+)
 
 
 def with_known(base: Base, solver: Solver) -> Base:
@@ -185,3 +200,85 @@ def _bounds(solver: Solver, sites: np.ndarray, presses: Sequence[Unsolved]) -> n
             if within(gaps_to((image.x_mm, image.y_mm), (one.x_mm, one.y_mm))[0]):
                 bounds[number] = np.minimum(bounds[number], [one.beyond_mm, one.unloading_from_mm])
     return bounds
+
+
+def observations_of(recorded: Sequence[Path | Recording], study: Study) -> tuple[Observations, bool]:
+    """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic."""
+    speed = study.mechanics.effects.history.timing.speed_mm_per_s
+    recordings = read_all(recorded, study.sensor)
+    observations = observe(recordings, study.sensor, speed, study.mismatch.contact_point_scatter_mm)
+    sessions = [recording.session for recording in recordings]
+    if study.mismatch.images == "left_out" and any(session.camera for session in sessions):
+        observations = observations.saying(IMAGES_LEFT_OUT)
+    return spread(observations, study), any(session.synthetic for session in sessions)
+
+
+def spread(observations: Observations, study: Study) -> Observations:
+    """Return the observations at no more sites and depths than the study judges.
+
+    Sites are the middle, then always the farthest from those; depths are spread evenly, the deepest among them.
+    """
+    settings, sites = study.mismatch, observations.sites
+    if len(sites) > settings.sites:
+        middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
+        first = int(np.argmin(np.linalg.norm(sites - middle, axis=1)))
+        observations = observations.at_sites(spread_out(sites, settings.sites, first)).saying(
+            f"of {len(sites)} positions {settings.sites}, spread over the sensor, are judged (mismatch.sites)"
+        )
+    depth = observations.table["deepest_mm"].round(DEPTH_DIGITS)
+    levels, most = np.unique(depth), settings.depths
+    if most is None or len(levels) <= most:
+        return observations
+    chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
+    judged = observations.chosen(depth.isin(chosen).to_numpy())
+    return judged.at_sites(np.unique(judged.table["site"])).saying(
+        f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
+    )
+
+
+def problem_of(
+    solver: Solver, observations: Observations, recorded: bool = True, names: Collection[str] | None = None
+) -> tuple[Problem, Base]:
+    """Return the problem of some observations: base, covariance, and the change by every effect that applies.
+
+    recorded: False of a plan, whose forces mean nothing; names: of some effects alone.
+    """
+    effects = effects_of_forces(solver.study)
+    if names is not None:
+        effects = {name: CATALOGUE[name] for name in names}
+    asked = required(solver.study, effects.values()) if recorded else with_dependencies(effects.values())
+    stage("forces of the simulation, and how they follow the effects")
+    base = with_known(base_where_solved(solver, observations, asked), solver)
+    observations = base.context.observations
+    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
+    if recorded:
+        read = observations.read
+        observations = without_spikes(observations, base.context.force, covariance)
+        base = replace(base, context=replace(base.context, observations=observations))
+        covariance = covariance.restricted(observations.read[read])
+    failed = dict(base.failed)
+    stage("changes of the readings by each effect")
+    candidates = candidates_of(base.context, effects, failed)
+    changes = changes_of(base.context) if recorded else []
+
+    def chosen(parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> list[Amounts]:
+        return [(effects[part.name], part.shape, a) for part, a in zip(parts, amounts)]
+
+    return (
+        Problem(
+            observations,
+            base.context.force,
+            covariance,
+            candidates,
+            effects,
+            lambda parts, amounts, rows: forces_with(solver, base, chosen(parts, amounts), rows),
+            failed,
+            solver.study.mismatch.change_error,
+            [one for one in changes if one.name == BOX.name],
+            modules_of(base.context, changes) if recorded else (),
+            lambda parts, amounts, change: read_with(
+                base, chosen(parts, amounts), base.context.force + change
+            ),
+        ),
+        base,
+    )

@@ -196,10 +196,12 @@ def set_tables(linear: Linear) -> list[Best]:
         third = np.flatnonzero(~np.isin(names, list(pair.effects)) & ~(placed & located[pair.number].any()))
         if not len(third):
             continue
-        both = ((pair.number, number), (pair.scale, scale))
-        rows = [np.column_stack([np.tile(own, (len(third), 1)), every[third]]) for own, every in both]
+        numbers, scales = (
+            np.column_stack([np.tile(own, (len(third), 1)), every[third]])
+            for own, every in ((pair.number, number), (pair.scale, scale))
+        )
         # The choice of the two's shapes and scales is paid for once.
-        for one in _by_effects(linear, *rows, pair.average - pair.best):
+        for one in _by_effects(linear, numbers, scales, pair.average - pair.best):
             if one.effects not in three or three[one.effects].average < one.average:
                 three[one.effects] = one
     return [*found, *two, *three.values()]

@@ -25,8 +25,7 @@ FLOW = Parameter(
 OTHER_SHAPE = "the unrelaxed constitutive model is of another shape than the loading"
 # Of flow that stress speeds up: the strain that loads the element once, as a share of the base's range, and how fast it
 # flows at little stress, as a share of the base's rate: the stress of a steady ramp is asinh(1 / share) of those strains.
-FLOW_STRAINS = (0.02, 0.05, 0.1, 0.2)
-FLOW_RATES = (1e-2, 1e-4, 1e-6, 1e-8)
+FLOW_STRAINS, FLOW_RATES = (0.02, 0.05, 0.1, 0.2), (1e-2, 1e-4, 1e-6, 1e-8)
 # A stress (n,) at the readings, and what each Maxwell element loses of it (n, k).
 Losing = tuple[np.ndarray, np.ndarray]
 

@@ -33,7 +33,7 @@ from gelforge.mismatch.material.material_readings import (
 
 SOLIDS = ("neo_hooke", "mooney_rivlin", "yeoh", "gent", "ogden1", "ogden2")
 FOAM_EXPONENTS = (-8.0, 2.0, 8.0, 25.0)  # where the search begins: densifies, or gives in
-MOST_EXPONENT = 60.0
+MOST_EXPONENT = 60.0  # beyond it the stress follows from mu / alpha alone
 
 # Nominal stress (n,) [MPa] at stretches (n,), and its derivatives by the law's unknowns (n, p).
 Stress = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -120,7 +120,7 @@ def _aicc(residual: np.ndarray, worth: float, unknowns: int) -> float:
 
 KINDS = ("uniaxial", "compression", "pure_shear", "equibiaxial", "simple_shear")  # one stress for one stretch
 MOST_ROWS = 600  # in all; the covariance is dense
-ROWS_OF_BRANCH = (4, 24)
+ROWS_OF_BRANCH = (4, 24)  # at least and at most
 ZERO_STRAIN = STRAIN_AT_START  # slack that a test may begin with
 SAMPLES = NEGLIGIBLE, 2  # scatter of samples of one sheet, weighed as so many repeats beside those measured
 BEYOND = 1.1  # of the range that the law was fitted in: what lies farther is not judged

@@ -75,7 +75,7 @@ def _of_set(judgement: Judgement, effects: frozenset[str]) -> tuple[Refitted | S
     if fit is not None:
         return fit, posterior.evidence.get(effects, fit.log_bayes_factor)
     judged = posterior.sets.get(effects)
-    return judged and (judged, judged.log_bayes_factor)
+    return None if judged is None else (judged, judged.log_bayes_factor)
 
 
 def _effect(
