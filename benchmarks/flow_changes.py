@@ -27,8 +27,8 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.fem.nominal import observations_of
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.images.flow_fields import Moved, each_moved
 from gelforge.mismatch.images.flow_images import (
     FlowObservation,
     away_from_indenter,
@@ -37,7 +37,7 @@ from gelforge.mismatch.images.flow_images import (
     mean_motion,
     seen_flows,
 )
-from gelforge.mismatch.pipeline.stage import observations_of
+from gelforge.mismatch.images.flow_model import Moved, each_moved
 
 SEED = 77
 NEAR_PX = 120.0  # from the indenter: the regions that move most lie within

@@ -26,11 +26,11 @@ from gelforge.config.parts.mechanics import Mesh
 from gelforge.indentation.cells.cell_file import write_cell
 from gelforge.indentation.planning.plan import plan_cells
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
+from gelforge.mismatch.fem.nominal import observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.images.flow import with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of
-from gelforge.mismatch.summary.flow_section import after_of, flow_section
+from gelforge.mismatch.summary.sections import after_of, flow_section
 from gelforge.virtual_lab.session import make_session
 from gelforge.virtual_lab.truth import simulate_truth_cell
 

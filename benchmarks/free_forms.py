@@ -41,14 +41,14 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models.yeoh import Yeoh
-from gelforge.mismatch.fem.known import with_known
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.fem.nominal import observations_of, problem_of, with_known
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of
 from gelforge.mismatch.inference.judge import Judgement, judge
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of, write_patch
+from gelforge.mismatch.pipeline.stage import write_patch
 from gelforge.mismatch.result.verdict import PATCH
 from gelforge.mismatch.summary.findings import readings_table, taken_over
-from gelforge.mismatch.terms.problem import Problem
 
 WIDTH, GEL_MM, SKIN_MM = 16.0, 3.0, 1.0
 ALONG, DEPTHS = (3.0, 5.5, 8.0, 10.5, 13.0), (0.3, 0.6, 0.9, 1.2)  # mm
@@ -245,7 +245,7 @@ def row_of(kind: str, seed: int, solver: Solver, folder: Path) -> dict:
         ),
         "state": found.state,
         "said": said(found),
-        "log gain": None if model is None else model.gain.total,
+        "log gain": None if model is None else model.held.gain,
         "of the oracle's": share_of_oracle(problem, found, true),
         **map_row(found, hidden),
         **patch_row(solver, problem, found, folder / PATCH),
@@ -258,7 +258,7 @@ def said(found: Judgement) -> str:
     """Return cause and sure effects of a judgement with their probability, else what is likeliest."""
     parts = []
     if found.model is not None:
-        cause = found.model.module.name if found.model.module is not None else found.model.kernel
+        cause = found.model.module.name if found.model.module is not None else found.model.kernel.words
         parts.append(f"{cause} {found.model.probability:.2f}")
     alone = found.model is not None and not found.model.beside and found.model.sure
     if found.answer is not None and not alone:

@@ -29,11 +29,12 @@ import pandas as pd
 
 from gelforge.config import load_study
 from gelforge.laws_of_study import laws_of
+from gelforge.mismatch.evidence.problem import at_first_order
+from gelforge.mismatch.fem.nominal import problem_of
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.inference.judge import judge
-from gelforge.mismatch.pipeline.stage import judge_recording, problem_of
+from gelforge.mismatch.pipeline.stage import judge_recording
 from gelforge.mismatch.readings.sessions import observe
-from gelforge.mismatch.terms.problem import at_first_order
 
 SPACING, DEPTHS = 4.0, 0.25 * np.arange(1, 9)  # mm
 NOISE_N, CONTACT_POINT_MM = 0.01, 0.01

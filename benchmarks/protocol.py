@@ -25,12 +25,12 @@ from gelforge.config import Study, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.fem.nominal import observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of, forces_with
 from gelforge.mismatch.inference.judge import judge
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of
 from gelforge.mismatch.readings.observations import Observations
-from gelforge.mismatch.summary.effect_entries import found_in, value_entries
+from gelforge.mismatch.summary.findings import own_values, value_entries
 
 DEPTHS = (0.4, 0.8, 1.2)  # mm
 ANALYSIS_MM, TRUTH_MM = 0.4, 0.35  # elements under the ball
@@ -189,8 +189,8 @@ def value_of(problem, found, case: Intervention) -> str:
         return ""
     k = own.index(True)
     part = fit.parts[k]
-    found = found_in(fit, fit.log_bayes_factor)[part.name]
-    entries = value_entries(problem.effects[part.name].parameters, found)
+    _, amounts, spread = own_values(fit, part.name)
+    entries = value_entries(problem.effects[part.name].parameters, amounts, spread)
     words = [f"{e.value:.3g} ({e.interval_90[0]:.3g} to {e.interval_90[1]:.3g})" for e in entries]
     words += (
         [", ".join(f"{key} {float(v):.2f}" for key, v in part.shape.items())] if "x_mm" in part.shape else []

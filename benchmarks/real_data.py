@@ -34,7 +34,7 @@ from gelforge.indentation.solving.companion import simulate_label  # noqa: E402
 from gelforge.laws_of_study import laws_of  # noqa: E402
 from gelforge.materials.readers.material_source import read_sources  # noqa: E402
 from gelforge.mismatch.material.material_tests import Judged, judge_sources  # noqa: E402
-from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM  # noqa: E402
+from gelforge.mismatch.readings.errors import CONTACT_POINT_MM  # noqa: E402
 from gelforge.progress import Progress, show  # noqa: E402
 from validation.checks.article import SITES, STATED_N, read_table  # noqa: E402
 

@@ -45,12 +45,11 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_of
 from gelforge.mechanics.solving.equilibrium import Press
 from gelforge.mismatch.effects import with_dependencies
+from gelforge.mismatch.evidence.candidates import BOX, effects_of_forces
 from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.model.context import Context, Curves
+from gelforge.mismatch.model.effect import Context, Curves
 from gelforge.mismatch.readings.sessions import observe
-from gelforge.mismatch.terms.body_map import BOX
-from gelforge.mismatch.terms.candidates import effects_of_forces
 
 
 def asked(solver: Solver, site: PlannedCell, all_boxes: bool) -> dict[str, Variation]:

@@ -36,8 +36,7 @@ LAYERS = [
 ROOMS = {
     "mechanics": ("laws", "meshes", "linear", "bodies", "indenters", "contact", "solving", "sensitivities"),
     "mismatch": (
-        *("thresholds", "readings", "model", "result", "evidence", "effects", "terms", "free_forms"),
-        *("goodness", "inference"),
+        *("thresholds", "readings", "model", "result", "effects", "evidence", "free_forms", "inference"),
         *("fem", "images", "summary", "material", "pipeline"),
     ),
     "config": ("basis", "parts", "sessions", "studies", "foreign"),

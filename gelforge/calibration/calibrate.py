@@ -15,14 +15,9 @@ from gelforge.calibration.priors import Prior
 from gelforge.calibration.results import write_results
 from gelforge.config import Study
 from gelforge.laws_of_study import material_laws_of
+from gelforge.mismatch.fem.nominal import observations_of
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.pipeline.stage import (
-    SOLUTIONS,
-    check_matches,
-    observations_of,
-    provenance_of,
-    solver_of,
-)
+from gelforge.mismatch.pipeline.stage import SOLUTIONS, check_matches, provenance_of, solver_of
 from gelforge.mismatch.readings.sessions import read_all, session_folders
 from gelforge.progress import stage
 from gelforge.recording.readings import Recording

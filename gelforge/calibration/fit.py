@@ -10,18 +10,17 @@ import numpy as np
 from gelforge.calibration.parameters import Free
 from gelforge.config import Study
 from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.evidence.candidates import columns_of
 from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.problem import Problem, secant
+from gelforge.mismatch.evidence.refit import Refitted, refitted
 from gelforge.mismatch.evidence.screen import Candidate, Screened, judged_by
-from gelforge.mismatch.fem.known import with_known
+from gelforge.mismatch.fem.nominal import base_where_solved, with_known
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import base_of
-from gelforge.mismatch.fem.unsolved import base_where_solved
-from gelforge.mismatch.goodness.scan import global_test
+from gelforge.mismatch.inference.holdout import split
+from gelforge.mismatch.inference.scan import global_test
 from gelforge.mismatch.readings.observations import Observations
-from gelforge.mismatch.terms.candidates import columns_of
-from gelforge.mismatch.terms.holdout import split
-from gelforge.mismatch.terms.problem import Problem, secant
-from gelforge.mismatch.terms.refit import Refitted, refitted
 from gelforge.mismatch.thresholds import FORM_ERRORS
 from gelforge.progress import stage
 

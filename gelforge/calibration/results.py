@@ -19,7 +19,7 @@ from gelforge.files import digest, write_product_json
 from gelforge.materials.fitting.law_file import MaterialLaw, write_law
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models import family_of, parameters_of
-from gelforge.mismatch.pipeline.patch import differences
+from gelforge.mismatch.pipeline.stage import differences
 from gelforge.mismatch.result.verdict import PATCH, Provenance
 from gelforge.mismatch.result.verdict_tables import READINGS, write_tables
 

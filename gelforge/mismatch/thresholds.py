@@ -6,29 +6,27 @@ Numbers of a method (meshes, bases of functions, steps of a solver) stand where 
 import numpy as np
 
 # --- Priors and evidence
-NULL_PRIOR = 0.5  # as likely as not that a careful study has left nothing out
+# As likely as not that a careful study has left nothing out (judgement); then one effect has 0.35 and two have 0.12
+# (docs/mismatch-method.md).
+NULL_PRIOR = 0.5
 # Log evidence counts for this share: each effect has a form that is not quite the truth's, and so have the errors allowed
 # for it. Of 135 claims of two opened concealed sets 0.4 makes the mean log score largest (-0.27; -0.40 at 1), and of
 # those that it leaves above 0.9 79 of 81 are right (docs/mismatch-method.md, `python -m validation claims`).
 TEMPERING = 0.4
-SCALES = (
-    1.0,
-    0.3,
-    0.1,
-)  # of plausible values: what is left out is known to be small, not how small (judgement)
+# Of plausible values: what is left out is known to be small, not how small (judgement).
+SCALES = (1.0, 0.3, 0.1)
 # By which the form of an effect differs from the truth's, shares of its change, equally likely before the readings. Of
-# different models of one physics (`python -m validation.checks.form_errors`) most lie between; softening lies beyond.
+# different models of one physics (validation/checks/form_errors.py) most lie between; softening lies beyond.
 FORM_ERRORS = (0.1, 0.2, 0.3)
 # Of the change of a defect, and of the way to the next places: it lies up to half a spacing from the places that are tried.
 PLACE_ERROR = 0.5
 # Of a change of the flow, which is the mean motion's on a coarser mesh: for one sensor the mesh puts it off by 4 to 5 %, the
 # search finds 0.94 to 1.02 of it by distance (benchmarks/flow_changes.py); for others it may be twice that.
 SEEN_ERROR = 0.2
-# Of the same, from region to region, by which particles lie in each: 0.10 to 0.12 there, of one depth.
+# Of the same, from region to region, by which particles lie in each: 0.10 to 0.12 of one depth (benchmarks/flow_changes.py).
 SCATTERED = 0.1
-PLAUSIBLE = (
-    0.1  # of the pressing force, standard deviation of a discrepancy (judgement); SCALES make it smaller
-)
+# Of the pressing force, standard deviation of a discrepancy (judgement); SCALES make it smaller.
+PLAUSIBLE = 0.1
 
 # --- Alarm and state
 # Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm.
@@ -38,7 +36,8 @@ LIKELY = 0.5  # a discrepancy that is more probable than not leaves no answer
 CREDIBLE = 0.95  # of an effect's probability, which its credible set holds: the usual one
 MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too few (judgement)
 # On recordings of 4 to 25 sites the largest of a scan's 75 to 230 correlated scores exceeds 3.5 to 3.7 by chance in 2.5 %,
-# so a change of 4 standard deviations is seen in about three of four cases, one of 2 hardly ever (test_identifiability).
+# so a change of 4 standard deviations is seen in about three of four cases, one of 2 hardly ever
+# (tests/mismatch/test_identifiability.py).
 DETECTED_SNR = 4.0
 OBSERVABLE_SNR = 0.5  # of a plausible value; below it the expected log evidence is at most SNR^2 / 2 = 1/8
 ALIKE = 0.95  # correlation of sensitivities from which effects share a line: 0.31 of their change distinguishes them
@@ -46,8 +45,7 @@ DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
 
 # --- Held-out readings
 HELD_OUT = 0.25  # of the sites and of the depths (judgement)
-FEW_SITES = 4  # below which a quarter of the sites is none
-FARTHEST_MM = 6.0  # from a site that it was learnt from, beyond which a change from place to place is not known (judgement)
+FEW_SITES = round(1 / HELD_OUT)  # below which a quarter of the sites is none
 
 # --- What is weighed, and what is solved: limits of cost (judgement)
 REACH = 12.0  # log weight behind the best, within which a set is judged with the errors of its change

@@ -13,7 +13,7 @@ import specimens
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.model import places
-from gelforge.mismatch.model.context import Context, Curves
+from gelforge.mismatch.model.effect import Context, Curves
 from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
 
 WIDTH, RADIUS = 20.0, 5.0  # mm

@@ -8,11 +8,11 @@ import numpy as np
 
 from gelforge.config.parts.mismatch import Mismatch
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.candidates import candidates_of
 from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.problem import Problem, at_first_order
 from gelforge.mismatch.free_forms import modules_of
 from gelforge.mismatch.inference.judge import _state, judge
-from gelforge.mismatch.terms.candidates import candidates_of
-from gelforge.mismatch.terms.problem import Problem, at_first_order
 
 LOCATED = {"void", "inclusion", "delamination"}
 SETTINGS = Mismatch(sites=9, draws=1000)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.mismatch.evidence.covariance import Covariance, readings_covariance
-from gelforge.mismatch.model.context import Context, Curves
+from gelforge.mismatch.model.effect import Context, Curves
 from gelforge.mismatch.readings.observations import Observations
 
 WIDTH = 32.0  # mm

@@ -10,7 +10,7 @@ from test_effect_forms import one_press
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.adhesion import Contact, push_of
-from gelforge.mismatch.model.context import Curves
+from gelforge.mismatch.model.effect import Curves
 
 R, K, W = 5.0, 0.05, 1e-4  # mm, MPa (4/3 E*), N/mm
 DEPTHS = np.linspace(0.1, 2.0, 8)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from artificial_problem import judged, problem_of
 
+from gelforge.mismatch.inference.posterior import chance_of_known, weighed
 from gelforge.mismatch.result.verdict import ALARM_P, shown
-from gelforge.mismatch.terms.weighing import chance_of_known, weighed
 
 
 def read_as(problem, residual):

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import poisson
 
-from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, log_prior
+from gelforge.mismatch.evidence.gaussian import NOTHING, UNKNOWN, log_prior
 from gelforge.mismatch.inference.posterior import Posterior
 from gelforge.mismatch.thresholds import NULL_PRIOR, TEMPERING
 

@@ -17,10 +17,10 @@ from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
 from gelforge.indentation.solving.sensitivities import Variation, derivatives
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.candidates import BOX, LEVELS, WIDTH, body_map, box_at, boxes
 from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.fem.nominal import observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of
-from gelforge.mismatch.terms.body_map import BOX, LEVELS, WIDTH, body_map, box_at, boxes
 
 STUDY = specimens.study()
 STEP = 1e-3

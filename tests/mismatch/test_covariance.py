@@ -131,10 +131,6 @@ def test_draws_have_the_covariance(case):
     assert 1e-4 < chi2.cdf(total, count * len(C)) < 1 - 1e-4
 
 
-def test_instrument_is_the_independent_part(case):
-    assert_allclose(case[0].instrument.standard_deviation, 0.010)
-
-
 def test_mirror_images_of_one_solution_err_alike():
     context = readings(grid(2))
     law, floor = np.zeros((len(context.force), 3, 0)), 0.01 * context.force

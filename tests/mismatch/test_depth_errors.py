@@ -16,9 +16,9 @@ from test_noise import pressed
 
 from gelforge.config import DepthZero
 from gelforge.mismatch.evidence.covariance import readings_covariance
-from gelforge.mismatch.goodness.scan import global_test
 from gelforge.mismatch.images.flow_covariance import _contact_points
-from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM, depth_scatter, with_contact_point
+from gelforge.mismatch.inference.scan import global_test
+from gelforge.mismatch.readings.errors import CONTACT_POINT_MM, depth_scatter, with_contact_point
 
 STAGE_MM, CONTACT_MM = 0.02, 0.04
 DRAWS = 400
@@ -158,7 +158,7 @@ def test_what_is_assumed_is_told_by_its_key(by, key):
 
 
 def test_noise_is_stated_by_axis():
-    from gelforge.mismatch.readings.noise import reading_noise
+    from gelforge.mismatch.readings.errors import reading_noise
     from gelforge.recording.readings import FORCE
 
     recording = SimpleNamespace(

@@ -11,7 +11,7 @@ from test_effects import CATALOGUE, CONTEXT, STUDY, change
 from gelforge.config import Camera
 from gelforge.mismatch.effects.clock_offset import STAMPS
 from gelforge.mismatch.effects.mullins import POINTS, RINGS, Energies, lost_share
-from gelforge.mismatch.model.context import Curves
+from gelforge.mismatch.model.effect import Curves
 from gelforge.recording.optics.camera import project
 
 PINHOLE = Camera(width_px=640, height_px=480, focal_px=900.0, centre_px=[320, 240], position_mm=[10, 10, -56])

@@ -18,7 +18,7 @@ from gelforge.indentation.effects.catalogue import Place, middle_of
 from gelforge.mismatch.model import places
 from gelforge.mismatch.model.effect import FAMILIES
 from gelforge.mismatch.model.places import FirstOrder
-from gelforge.mismatch.pipeline.patch import patch_of
+from gelforge.mismatch.pipeline.stage import patch_of
 
 CATALOGUE = effects.CATALOGUE
 # The names that the specification of the stage lists; an effect more enters by its file.

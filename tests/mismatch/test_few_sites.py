@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gelforge.mismatch.inference.few_sites import bent
+from gelforge.mismatch.inference.fits import bent
 
 DEPTHS = np.tile(np.linspace(0.25, 2.0, 8), 12)
 SITE = np.repeat(np.arange(12), 8)

@@ -9,14 +9,12 @@ import pytest
 from artificial_problem import SETTINGS, identified, problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.alternatives import effects_of
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.result.verdict import Provenance
-from gelforge.mismatch.summary.effect_entries import effect_entries
-from gelforge.mismatch.summary.findings import _noise, located, verdict_of
+from gelforge.mismatch.summary.findings import _noise, effect_entries, located, verdict_of
 from gelforge.mismatch.summary.words import uncomputed
 
 PROVENANCE = Provenance(
@@ -104,7 +102,8 @@ def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probabil
     (group,) = found.answer.groups
     rest = next(name for name in found.posterior.singles if name not in group.members)
     shares = {rest: 0.8, "clock_offset": 0.2}
-    beside = replace(group, members=(rest,), alternatives=("clock_offset",), probability=0.62, shares=shares)
+    other = {"members": [rest], "alternatives": ["clock_offset"], "probability": 0.62, "shares": shares}
+    beside = group.model_copy(update=other)
     fit, spread = found.answer.fit, np.eye(1)
     single = found.posterior.singles[rest]
     k = len(single.amounts)
@@ -116,7 +115,7 @@ def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probabil
         columns=np.column_stack([fit.columns, single.parts[0].columns]),
     )  # fmt: skip
     winner = replace(found.answer.winner, parts=fit.parts)
-    posterior = replace(found.posterior, evidence={**found.posterior.evidence, effects_of(winner): 1.0})
+    posterior = replace(found.posterior, evidence={**found.posterior.evidence, winner.effects: 1.0})
     answer = replace(found.answer, groups=(beside, group), fit=fit, winner=winner, posterior=posterior)
     said = verdict(problem, replace(found, answer=answer, posterior=posterior))
     assert [one.members for one in said.answer] == [[*group.members], [rest]]
@@ -137,7 +136,7 @@ def test_amounts_in_place_of_an_effect_are_those_beside_the_others():
     first = next(group for group in found.answer.groups if "tilt" in group.members)
     other = next(name for name in first.members if name != first.members[0])
     said = {effect.name: effect for effect in effect_entries(problem, found)}
-    pair = effects_of(found.answer.winner) - {first.members[0]} | {other}
+    pair = found.answer.winner.effects - {first.members[0]} | {other}
     assert said[other].log_bayes_factor == pytest.approx(
         found.answer.refits[pair].log_bayes_factor
         if pair in found.answer.refits

@@ -21,7 +21,7 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.free_forms import friction as friction_form
 from gelforge.mismatch.free_forms import strain_energy
-from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Context
 from gelforge.mismatch.model.places import FirstOrder
 
 LAWS = specimens.STUDY_LAWS

@@ -16,7 +16,7 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.solutions import Solver, follow
-from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Context
 
 TIGHT = {"solver": {"force_tolerance": 1e-10, "gap_tolerance": 1e-9, "max_iterations": 80}}
 PRESSED = PlannedCell("", *specimens.CORNER, (0.5,))

@@ -25,7 +25,7 @@ def answer_of(*names, like=("tilt",), alternatives=()):
             members=(name, *like),
             names=(name, *like, *alternatives),
             probability=0.95,
-            set_probability=0.99,
+            chance=0.99,
             shares={name: 0.55},
         )
         for name in names
@@ -64,9 +64,7 @@ def test_free_forms_and_discrepancies_fit_into_it():
     modules = modules_of(artificial.context(3, per_side=3), ())
     assert {"gain_in_time", "softening"} <= {module.name for module in modules}  # those of most words
     for module, beside in product(modules, (False, True)):
-        model = SimpleNamespace(
-            sure=True, module=module, probability=0.97, beside=beside, kernel=module.words
-        )
+        model = SimpleNamespace(sure=True, module=module, probability=0.97, beside=beside, kernel=module)
         for said in (
             headline("identified", answer_of("delamination"), model),
             headline("unexplained", None, model),

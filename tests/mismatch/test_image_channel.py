@@ -16,13 +16,12 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import screened
+from gelforge.mismatch.fem.nominal import IMAGES_LEFT_OUT, observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.goodness.patterns import dictionary
-from gelforge.mismatch.images import flow_fields, flow_images
+from gelforge.mismatch.images import flow_images
 from gelforge.mismatch.images import flow_model as flow_model_module
 from gelforge.mismatch.images.flow import COARSER, with_flow
 from gelforge.mismatch.images.flow_covariance import Rows
-from gelforge.mismatch.images.flow_fields import each_moved
 from gelforge.mismatch.images.flow_images import (
     REGIONS,
     CameraView,
@@ -31,12 +30,13 @@ from gelforge.mismatch.images.flow_images import (
     seen_flows,
     shows_gel,
 )
-from gelforge.mismatch.images.flow_model import FlowUnknown, flow_model
+from gelforge.mismatch.images.flow_model import FlowUnknown, each_moved, flow_model
 from gelforge.mismatch.inference.judge import judge
-from gelforge.mismatch.pipeline.stage import IMAGES_LEFT_OUT, judge_recording, observations_of, problem_of
+from gelforge.mismatch.inference.patterns import dictionary
+from gelforge.mismatch.pipeline.stage import judge_recording
 from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import FLOW, READINGS, read_table
-from gelforge.mismatch.summary.flow_section import after_of, flow_section
+from gelforge.mismatch.summary.sections import after_of, flow_section
 from gelforge.mismatch.thresholds import SCATTERED, SEEN_ERROR
 from gelforge.recording.readings import read_recording
 from gelforge.report.verdict.mismatch_flow import flow_residual_figure
@@ -191,7 +191,7 @@ def test_motion_at_a_mirror_image_is_the_one_solved_here(recorded, study):
     places = [PlannedCell("", x, y, (0.5,)) for x, y in ((9.5, 9.5), (6.5, 9.5))]
     for place in places:
         (there,) = each_moved(solver, solver.coarse, [place])
-        alone = flow_fields.moved_by((solver, solver.coarse, place, {}))
+        alone = flow_model_module.moved_by((solver, solver.coarse, place, {}))
         assert_allclose(
             there.weights(points) @ there.base[0], alone.weights(points) @ alone.base[0], atol=1e-6
         )
@@ -344,11 +344,11 @@ def test_motion_that_cannot_be_solved_leaves_the_forces_and_is_told(recorded, jo
         raise NotConverged("it folds")
 
     solver, session = recorded
-    monkeypatch.setattr(flow_fields, "each_derivative", folds)
+    monkeypatch.setattr(flow_model_module, "each_derivative", folds)
     planned = PlannedCell("", 8.0, 8.0, (0.313,))  # a depth that nothing else is solved at
     with pytest.raises(NotConverged, match=r"at \(8, 8\) mm: it folds"):
         each_moved(solver, solver.coarse, [planned], [])
-    monkeypatch.setattr(flow_fields, "moved_by", lambda task: "it folds")
+    monkeypatch.setattr(flow_model_module, "moved_by", lambda task: "it folds")
     forces = joint.flow.forces
     alone = with_flow(solver, joint.flow.model.base, forces, [session])
     assert alone.flow is None and len(alone.labels) == len(forces.labels)

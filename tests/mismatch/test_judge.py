@@ -11,11 +11,11 @@ from numpy.testing import assert_allclose
 
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.problem import secant
+from gelforge.mismatch.evidence.refit import refitted
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.inference.judge import _alarm, judge
 from gelforge.mismatch.result.verdict import LEFT_P
-from gelforge.mismatch.terms.problem import secant
-from gelforge.mismatch.terms.refit import refitted
 from gelforge.mismatch.thresholds import FORM_ERRORS, MOST_EFFECTS, PLACE_ERROR
 from gelforge.progress import Stages, show
 
@@ -67,7 +67,7 @@ def test_one_effect_is_identified_and_predicts_what_was_held_out(name, amounts):
     assert found.state == "identified"
     (group,) = found.answer.sure
     assert name in group.names
-    assert found.answer.proof.gain.clear
+    assert found.answer.proof.held[0].shown
 
 
 @pytest.mark.thorough
@@ -113,13 +113,14 @@ def test_what_is_not_sure_not_adequate_or_not_physical_is_not_identified():
     _, found, state = identified()
     (group,) = found.answer.groups
     assert group in found.answer.sure and "tilt" in group.names
-    assert found.answer.proof.gain.clear  # it predicts what was held out
-    unsure = (replace(group, probability=0.7),)
+    assert found.answer.proof.held[0].shown  # it predicts what was held out
+    unsure = (group.model_copy(update={"probability": 0.7}),)
     test = found.answer.adequacy.test
     poor = replace(found.answer.adequacy, test=replace(test, p=LEFT_P / 2))
     assert state() == "identified"
     assert state(groups=unsure) == "ambiguous"
-    many = replace(unsure[0], alternatives=tuple(f"cause{k}" for k in range(MOST_EFFECTS)))
+    others = [f"cause{k}" for k in range(MOST_EFFECTS)]
+    many = unsure[0].model_copy(update={"alternatives": others})
     assert state(groups=(many,)) == "inconclusive"
     assert state(groups=(group, *unsure)) == "identified"  # a second effect takes nothing from a sure one
     assert state(adequacy=poor) == state(out=True) == "unexplained"

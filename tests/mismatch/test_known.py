@@ -11,7 +11,7 @@ from gelforge.config import ConfigError, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.force_frame import READ
-from gelforge.mismatch.fem.known import with_known
+from gelforge.mismatch.fem.nominal import with_known
 from gelforge.mismatch.fem.solver import Base
 
 

@@ -18,9 +18,10 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.fem import solutions
+from gelforge.mismatch.fem.nominal import problem_of
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.pipeline.design import limits_table, planned_observations, planned_problem
-from gelforge.mismatch.pipeline.stage import problem_of, solver_of
+from gelforge.mismatch.pipeline.experiments import limits_table, planned_observations, planned_problem
+from gelforge.mismatch.pipeline.stage import solver_of
 from gelforge.mismatch.result.verdict import Verdict, write_verdict
 from gelforge.mismatch.thresholds import DECISIVE, DETECTED_SNR
 

@@ -16,12 +16,10 @@ from gelforge.materials.basis.common_form import ForcePair, MaterialTest, Segmen
 from gelforge.materials.basis.segments import find_segments
 from gelforge.materials.readers.material_source import MaterialSource, read_sources
 from gelforge.materials.small_tests.small_effects import SmallTests
-from gelforge.mismatch.material.held_out import held_pieces
-from gelforge.mismatch.material.material_law import foam_stress
-from gelforge.mismatch.material.material_models import fitted, posterior_of
-from gelforge.mismatch.material.material_readings import Change, Dense, Readings
-from gelforge.mismatch.material.material_tests import judge_material, judge_sources
-from gelforge.mismatch.material.relaxation import hereditary
+from gelforge.mismatch.material.material_effects import hereditary
+from gelforge.mismatch.material.material_readings import Change, Dense, Readings, held_pieces
+from gelforge.mismatch.material.material_tests import fitted, judge_material, judge_sources, posterior_of
+from gelforge.mismatch.material.stress_readings import foam_stress
 from gelforge.mismatch.model.effect import Parameter
 
 ROOT = Path(__file__).parents[2]

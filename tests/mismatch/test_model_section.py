@@ -14,7 +14,7 @@ from gelforge.csv_table import read_csv
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.result.verdict_tables import CORRECTION, write_tables
 from gelforge.mismatch.summary.findings import readings_table
-from gelforge.mismatch.summary.model_section import correction_table, model_section
+from gelforge.mismatch.summary.sections import correction_table, model_section
 
 TRIED = {"force_offset", "tilt", "yaw"}  # none of them follows a share that falls and rises with depth
 
@@ -44,7 +44,7 @@ def test_what_no_effect_explains_is_modelled_with_its_range_and_what_it_predicts
     model, depths = said.model, problem.observations.table["depth_mm"]
     assert "the pressing force with depth" in model.words and model.corrects_labels and not model.beside
     assert model.depth_mm == pytest.approx((depths.min(), depths.max())) and model.sites == 16
-    assert model.held_out.shown and model.held_out.gain == found.model.gain.total
+    assert model.held_out.shown and model.held_out.gain == found.model.held.gain
     held = found.blocks.held_out
     assert model.held_out.after.readings == held.sum()
     axis = problem.labels["axis"].to_numpy()
@@ -100,5 +100,5 @@ def test_nothing_modelled_has_no_section_and_no_correction(modelled):
     problem, found = modelled
     assert model_section(problem, replace(found, model=None)) is None
     assert correction_table(problem, None) is None
-    in_time = replace(found.model, kernel="the pressing force over the session's time")
+    in_time = replace(found.model, kernel=replace(found.model.kernel, of_labels=False))
     assert correction_table(problem, in_time) is None

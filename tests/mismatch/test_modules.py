@@ -14,18 +14,18 @@ from test_findings import verdict
 
 from gelforge.csv_table import read_csv
 from gelforge.mismatch.effects.mullins import Energies, histories
-from gelforge.mismatch.evidence.alternatives import UNKNOWN
+from gelforge.mismatch.evidence.candidates import BOX, WIDTH, boxes
+from gelforge.mismatch.evidence.gaussian import UNKNOWN
+from gelforge.mismatch.evidence.kernels import Kernel, Weighed
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.free_forms import modules_of
 from gelforge.mismatch.free_forms.strain_energy import TERM
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.posterior import Posterior
-from gelforge.mismatch.pipeline.patch import patch_of
+from gelforge.mismatch.pipeline.stage import patch_of
 from gelforge.mismatch.result.verdict import VERDICT, Verdict, read_verdict, write_verdict
 from gelforge.mismatch.result.verdict_tables import MODULE, write_tables
-from gelforge.mismatch.summary.model_section import correction_table
-from gelforge.mismatch.terms.body_map import BOX, WIDTH, boxes
-from gelforge.mismatch.terms.unknown import Weighed
+from gelforge.mismatch.summary.sections import correction_table
 
 EXAMPLE = Path("docs/adding/examples/speed_in_time.py")
 MIDDLE = artificial.WIDTH / 2
@@ -232,11 +232,8 @@ def test_a_gel_that_softens_in_another_form_softens():
 
 def test_a_form_counts_for_the_effect_that_it_generalises():
     """All of a cause is known of a set that holds the effect, and its own share of one that holds something unknown."""
-    one = Weighed(
-        {"relaxation": 3.0, "smooth": 3.0},
-        {"relaxation": -0.7, "smooth": -0.7},
-        {"relaxation": ("a",), "smooth": ()},
-    )
+    tried = [Kernel("relaxation", np.zeros((0, 1)), form_of=("a",)), Kernel("smooth", np.zeros((0, 1)))]
+    one = Weighed(tried, {"relaxation": 3.0, "smooth": 3.0})
     known = Posterior({}, {}, {frozenset({"a"}): 4.0, frozenset({"unknown"}): 4.0}, {frozenset(): one}, 2, {})
     both = known.probability[frozenset({"a"})], known.probability[frozenset({"unknown"})]
     assert one.share_of({"a"}) == pytest.approx(0.5)

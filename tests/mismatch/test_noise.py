@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 from gelforge.config import ForceSensor
-from gelforge.mismatch.readings.contact_point import with_contact_point
-from gelforge.mismatch.readings.noise import reading_noise, steps_of
+from gelforge.mismatch.readings.errors import reading_noise, steps_of, with_contact_point
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.sessions import _table
 

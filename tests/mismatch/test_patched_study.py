@@ -17,11 +17,11 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.fem.nominal import with_known
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of, forces_with
-from gelforge.mismatch.pipeline.design import planned_observations
-from gelforge.mismatch.pipeline.patch import patch_of
-from gelforge.mismatch.pipeline.stage import judge_recording, with_known
+from gelforge.mismatch.pipeline.experiments import planned_observations
+from gelforge.mismatch.pipeline.stage import judge_recording, patch_of
 from gelforge.mismatch.result.verdict_tables import READINGS, read_table
 from gelforge.mismatch.thresholds import REACH_MM
 

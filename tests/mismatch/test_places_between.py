@@ -8,11 +8,10 @@ import pytest
 from artificial_problem import problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.places import displaced, slopes
-from gelforge.mismatch.evidence.screen import judged_by, log_evidence, screened
+from gelforge.mismatch.evidence.refit import refitted
+from gelforge.mismatch.evidence.screen import displaced, judged_by, log_evidence, screened, slopes
+from gelforge.mismatch.inference.posterior import weighed, with_form_errors
 from gelforge.mismatch.model import places
-from gelforge.mismatch.terms.refit import refitted
-from gelforge.mismatch.terms.weighing import weighed, with_form_errors
 from gelforge.mismatch.thresholds import FORM_ERRORS, PLACE_ERROR
 
 TRIED = places.balls(artificial.study())

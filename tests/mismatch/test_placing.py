@@ -9,8 +9,8 @@ from artificial_problem import SETTINGS
 from test_places_between import away, beside_the_middle, bubble, solvable
 
 from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.inference.fits import placed
 from gelforge.mismatch.inference.judge import judge
-from gelforge.mismatch.inference.placing import placed
 from gelforge.mismatch.thresholds import FORM_ERRORS, PLACE_ERROR
 
 

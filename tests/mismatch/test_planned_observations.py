@@ -8,8 +8,7 @@ from gelforge.config import study_from
 from gelforge.config.basis.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.identifiability import next_experiment
-from gelforge.mismatch.pipeline.design import planned_observations
-from gelforge.mismatch.pipeline.experiments import survivor, weights
+from gelforge.mismatch.pipeline.experiments import planned_observations, survivor, weights
 from gelforge.mismatch.result.verdict import Amount, NamedEffect
 
 STUDY = specimens.study()

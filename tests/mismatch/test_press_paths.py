@@ -14,10 +14,9 @@ from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.fem import solver as fem
 from gelforge.mismatch.fem.asked import asked_of, observed_by
-from gelforge.mismatch.fem.solutions import Solver, follow, unloading_key, way_down
+from gelforge.mismatch.fem.solutions import Solver, follow, unloading_key
 from gelforge.mismatch.fem.solver import (
     _by_observable_parts,
-    _ways_down,
     base_of,
     forces_with,
 )
@@ -69,23 +68,24 @@ def observations():
 def test_every_reading_is_at_its_own_site_depth_and_phase():
     found = observations()
     runs = runs_of(found)
-    for row, run, step in zip(found.table.itertuples(), runs.run, runs.step):
-        planned = runs.planned[run]
-        assert runs.site[run] == row.site and planned.x_mm == 3.0 + row.site
-        assert planned.depths_mm[step] == row.depth_mm
-        if row.phase == "unload":
-            assert planned.phases[step] == "unload" and max(planned.depths_mm) == row.deepest_mm
-        else:
-            assert not planned.phases or planned.phases[step] == "load"
+    for row, way, step, number, back in zip(
+        found.table.itertuples(), runs.way, runs.step, runs.unloading, runs.back
+    ):
+        loading = runs.ways[way]
+        assert way == row.site and loading.x_mm == 3.0 + row.site and not loading.phases
+        assert loading.depths_mm[step] == row.depth_mm
+        assert (number >= 0) == (row.phase == "unload")
+        if number >= 0:
+            of, run = runs.unloadings[number]
+            assert of == way and run.x_mm == loading.x_mm and run.depths_mm[back] == row.depth_mm
+            assert run.phases[back] == "unload" and max(run.depths_mm) == row.deepest_mm
 
 
 def test_ways_down_hold_every_depth_that_is_read_at_their_site():
     found = observations()
-    runs = runs_of(found)
-    for site, planned in enumerate(_ways_down(runs)):
+    for site, planned in enumerate(runs_of(found).ways):
         read = found.table.loc[found.table["site"] == site, "depth_mm"]
         assert planned.depths_mm == tuple(np.unique(read)) and not planned.phases
-        assert way_down(planned) == planned
 
 
 def test_presses_alike_in_time_are_solved_once_unless_the_sensor_remembers():
@@ -218,10 +218,11 @@ def test_a_site_is_differentiated_once_whatever_its_presses_go_to(kept, monkeypa
     runs, stiffness = runs_of(found), CATALOGUE["gel_stiffness"]
     base = base_of(solver, found, [stiffness])
     assert sorted(task[1].depths_mm for task in tasks) == [(0.25, 1.0, 2.0), (0.5, 0.75, 1.5, 2.0)]
-    (number,) = (k for k, run in enumerate(runs.planned) if run.phases and max(run.depths_mm) == 1.0)
-    variations = observed_by(list(asked_of(solver, [stiffness], base.context)), runs.planned[number])
-    alone = follow((solver, way_down(runs.planned[number]), variations))
-    own = runs.run == number
+    (number,) = (k for k, (_, run) in enumerate(runs.unloadings) if max(run.depths_mm) == 1.0)
+    run = runs.unloadings[number][1]
+    variations = observed_by(list(asked_of(solver, [stiffness], base.context)), run)
+    alone = follow((solver, replace(run, depths_mm=(0.25, 1.0), phases=()), variations))
+    own = runs.unloading == number
     expected = base.finer[own] * alone["gel_stiffness"][[0]]  # it is read at 0.25 mm, during unloading
     given = base.context.at_readings["gel_stiffness"][own]
     # the mesh is fine as far as a press touches the surface, and it was another one where it goes to 1 mm only

@@ -6,7 +6,7 @@ import numpy as np
 
 from gelforge.config import load_study
 from gelforge.indentation.planning.plan import plan_cells
-from gelforge.mismatch.pipeline.stage import observations_of
+from gelforge.mismatch.fem.nominal import observations_of
 
 
 def test_the_four_readings_of_feats_are_forces_along_z_at_a_planned_place():

@@ -8,9 +8,9 @@ import pytest
 from artificial_problem import problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.refit import refitted
 from gelforge.mismatch.evidence.screen import judged_under, screened
-from gelforge.mismatch.summary.effect_entries import interval
-from gelforge.mismatch.terms.refit import refitted
+from gelforge.mismatch.summary.findings import interval
 
 
 @pytest.mark.thorough(but_first=2)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gelforge.mismatch.material.relaxation import LONGEST_STEP, flow, hereditary
+from gelforge.mismatch.material.material_effects import LONGEST_STEP, flow, hereditary
 
 RATES = np.array([1e-3, 0.1, 3.0])
 

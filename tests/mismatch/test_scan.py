@@ -8,8 +8,8 @@ from artificial_readings import covariance_of, flat_base, grid, readings
 from scipy.stats import binom, chi2, kstest
 
 from gelforge.mismatch.evidence.covariance import Covariance, Estimated
-from gelforge.mismatch.goodness.patterns import dictionary
-from gelforge.mismatch.goodness.scan import global_test, scan, whitened
+from gelforge.mismatch.inference.patterns import dictionary
+from gelforge.mismatch.inference.scan import global_test, scan, whitened
 
 NULLS = 200
 

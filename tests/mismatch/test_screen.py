@@ -6,7 +6,7 @@ from artificial_readings import covariance_of, flat_base, grid, readings
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
-from gelforge.mismatch.evidence.alternatives import log_prior, normalised
+from gelforge.mismatch.evidence.gaussian import log_prior, normalised
 from gelforge.mismatch.evidence.screen import (
     Candidate,
     evidence,

@@ -8,12 +8,11 @@ import pytest
 from artificial_problem import SETTINGS, problem_of
 from numpy.testing import assert_allclose
 
-from gelforge.mismatch.evidence.alternatives import effects_of
+from gelforge.mismatch.evidence.kernels import kernels_of
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.inference.fits import fitted
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.posterior import posterior_of
-from gelforge.mismatch.terms.unknown import kernels_of
 
 
 def patterned(patterns, change, truth):
@@ -97,7 +96,7 @@ def test_what_is_solved_in_order_is_solved_at_the_end_of_a_fit_and_for_the_answe
     patterns = {"mullins": [1, 0, 0], "wall_stiffness": [0, 1, 0], "skin_stiffness": [0, 0, 1]}
     problem, solved = patterned(patterns, linear(patterns), [0.2, 0.2, 0.0])
     found = judge(problem, SETTINGS, seed=1).answer
-    assert effects_of(found.winner) == {"mullins", "wall_stiffness"}
+    assert found.winner.effects == {"mullins", "wall_stiffness"}
     assert sum("mullins" in names and len(names) > 1 for names in solved) == 2
     amounts = dict(zip((part.name for part in found.fit.parts), found.fit.amounts))
     assert amounts["mullins"] == pytest.approx(0.2, abs=0.03)  # its noise is 0.01

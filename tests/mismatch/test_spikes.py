@@ -8,8 +8,8 @@ import pytest
 from artificial_problem import SETTINGS, problem_of
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.goodness.spikes import _with_room, spikes, without_spikes
 from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.inference.scan import _with_room, spikes, without_spikes
 
 
 def struck(size, where, seed=7, context=None):

@@ -15,6 +15,7 @@ from gelforge.config import ConfigError, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.indentation.effects.catalogue import CATALOGUE as SOLVER_EFFECTS
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.candidates import effects_of_forces
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.pipeline import stage
 from gelforge.mismatch.pipeline.stage import check_matches, judge_recording, told_apart_by_images
@@ -22,7 +23,6 @@ from gelforge.mismatch.readings import sessions
 from gelforge.mismatch.readings.sessions import observe, session_folders
 from gelforge.mismatch.result.verdict import read_verdict
 from gelforge.mismatch.result.verdict_tables import READINGS, check_tables, read_table
-from gelforge.mismatch.terms.candidates import effects_of_forces
 
 # The recordings are made on the study's own coarse mesh, so that they do not show its error: it is stated as small.
 MISMATCH = {"sites": 6, "discretisation": 0.002}

@@ -9,12 +9,12 @@ from numpy.testing import assert_allclose
 
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import plan_cells
+from gelforge.mismatch.evidence.candidates import effects_of_forces
 from gelforge.mismatch.fem import solutions
 from gelforge.mismatch.fem.asked import asked_of, observed_by
 from gelforge.mismatch.fem.site_slopes import slopes_of_site, write_site_slopes
 from gelforge.mismatch.fem.solutions import Solver, follow
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.candidates import effects_of_forces
+from gelforge.mismatch.model.effect import Context
 
 TRIED = ("gel_stiffness", "tilt", "misregistration", "inclusion", "elastic_base")
 PLAN = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.2, 0.4, 0.6]}

@@ -9,11 +9,11 @@ import specimens
 from gelforge.config import study_from
 from gelforge.config.basis.variants import merged
 from gelforge.mismatch.effects import CATALOGUE, with_dependencies
+from gelforge.mismatch.evidence.candidates import columns_of
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of
-from gelforge.mismatch.pipeline.design import planned_observations
-from gelforge.mismatch.terms.candidates import columns_of
+from gelforge.mismatch.pipeline.experiments import planned_observations
 from gelforge.mismatch.thresholds import ALIKE
 
 PLAN = {"grid": {"spacing_mm": 1.5, "margin_mm": 5.0}, "depths_mm": [0.6, 1.2]}

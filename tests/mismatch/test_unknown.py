@@ -7,11 +7,11 @@ from artificial_problem import LOCATED, SETTINGS, judged, problem_of
 from numpy.testing import assert_allclose
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.alternatives import UNKNOWN
+from gelforge.mismatch.evidence.gaussian import UNKNOWN
+from gelforge.mismatch.evidence.kernels import kernels_of, modes, weighed_unknown
 from gelforge.mismatch.inference.judge import judge
+from gelforge.mismatch.inference.posterior import weighed
 from gelforge.mismatch.summary.words import sentence_of
-from gelforge.mismatch.terms.unknown import kernels_of, modes, weighed_unknown
-from gelforge.mismatch.terms.weighing import weighed
 from gelforge.mismatch.thresholds import PLAUSIBLE
 
 
@@ -98,9 +98,8 @@ def test_an_effect_that_is_right_is_likelier_than_something_unknown_and_leaves_i
     kernels = kernels_of(problem)
     right = next(one for one in weighed(problem) if one.name == name)
     assert weighed_unknown(problem, kernels).log_bayes_factor < right.log_bayes_factor - 2
-    left = problem.residual - right.change
     # causes that these readings hardly show neither gain nor lose, and are among those that are averaged
-    assert weighed_unknown(problem, kernels, right.parts, right.amounts, left).log_bayes_factor < -0.5
+    assert weighed_unknown(problem, kernels, right).log_bayes_factor < -0.5
 
 
 def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown():
@@ -108,8 +107,7 @@ def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown(
     kernels = kernels_of(problem)
     best = weighed(problem)[0]
     assert weighed_unknown(problem, kernels).log_bayes_factor > best.log_bayes_factor + 5
-    left = problem.residual - best.change
-    assert weighed_unknown(problem, kernels, best.parts, best.amounts, left).log_bayes_factor > 5
+    assert weighed_unknown(problem, kernels, best).log_bayes_factor > 5
 
 
 @pytest.mark.thorough

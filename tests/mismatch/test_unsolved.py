@@ -8,10 +8,10 @@ import pytest
 import specimens
 
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.mismatch.fem import solutions, unsolved
+from gelforge.mismatch.fem import nominal, solutions
+from gelforge.mismatch.fem.nominal import base_where_solved, without
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
 from gelforge.mismatch.fem.solver import base_of
-from gelforge.mismatch.fem.unsolved import base_where_solved, without
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 
 MIDDLE, EDGE, MIRRORED = (8.0, 8.0), (8.0, 1.1), (1.1, 8.0)  # of 16 mm; the wall is 1 mm thick
@@ -111,6 +111,6 @@ def test_a_failure_without_a_place_ends_the_verdict(solver, monkeypatch):
     def nowhere(*_):
         raise SolverFailed("the nominal model, followed in the time of the readings, does not converge")
 
-    monkeypatch.setattr(unsolved, "base_of", nowhere)
+    monkeypatch.setattr(nominal, "base_of", nowhere)
     with pytest.raises(SolverFailed, match="in the time of the readings"):
         base_where_solved(solver, pressed((MIDDLE, [0.5], [])), [])

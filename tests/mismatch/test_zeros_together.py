@@ -9,11 +9,10 @@ from artificial_readings import grid, readings
 
 from gelforge.config import ForceSensor, Sensor
 from gelforge.mismatch.evidence.covariance import readings_covariance
-from gelforge.mismatch.goodness.scan import global_test
-from gelforge.mismatch.readings.noise import LEAST_FREEDOM, reading_noise
+from gelforge.mismatch.inference.scan import global_test
+from gelforge.mismatch.readings.errors import LEAST_FREEDOM, reading_noise, zeros_together
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.sessions import observe
-from gelforge.mismatch.readings.zeros import zeros_together
 from gelforge.recording.readings import FORCE, RAW
 
 SIGMA, APART_S = 0.005, 20.0

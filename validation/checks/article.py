@@ -24,22 +24,20 @@ from gelforge.config.basis.variants import merged
 from gelforge.csv_table import read_csv
 from gelforge.files import digest, file_sha256, write_text
 from gelforge.indentation.solving.sensitivities import unmirrored
+from gelforge.mismatch.evidence.candidates import BOX, candidates_of, effects_of_forces
 from gelforge.mismatch.evidence.covariance import readings_covariance
+from gelforge.mismatch.evidence.problem import Problem, at_first_order
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Base, base_of, forces_with
 from gelforge.mismatch.free_forms import changes_of, required
 from gelforge.mismatch.inference.judge import Judgement, judge
-from gelforge.mismatch.model.context import Context, Curves
+from gelforge.mismatch.model.effect import Context, Curves
 from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.pipeline.stage import solver_of, write_results
-from gelforge.mismatch.readings.contact_point import CONTACT_POINT_MM
+from gelforge.mismatch.readings.errors import CONTACT_POINT_MM
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.result.verdict import SURE, Provenance, Verdict, versions
-from gelforge.mismatch.summary.effect_entries import group_entries
-from gelforge.mismatch.summary.findings import verdict_of
-from gelforge.mismatch.terms.body_map import BOX
-from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
-from gelforge.mismatch.terms.problem import Problem, at_first_order
+from gelforge.mismatch.summary.findings import group_entries, verdict_of
 from gelforge.progress import show, tracked
 from gelforge.report.mismatch_page import write_mismatch_page
 
@@ -204,7 +202,7 @@ def judge_case(
 
 def in_words(problem: Problem, judgement: Judgement) -> tuple[str, str, float | None, float]:
     """Return the state of a judgement, its answer in words, the probability of that, and p of the mismatch."""
-    groups = group_entries(problem, judgement)
+    groups = group_entries(judgement)
     sure = [group for group in groups if group.probability >= SURE] or groups
     answer = "; ".join(" or ".join(group.names) for group in sure)
     beside = [group.members[0] for group in groups if group not in sure]

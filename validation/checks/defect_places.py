@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.refit import Refitted, refitted
 from gelforge.mismatch.inference.fits import forces_of
-from gelforge.mismatch.terms.holdout import split
-from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.refit import Refitted, refitted
-from gelforge.mismatch.terms.weighing import weighed
+from gelforge.mismatch.inference.holdout import split
+from gelforge.mismatch.inference.posterior import weighed
 from validation.checks.development_cases import SETS, Known, known_singles
 
 

@@ -18,13 +18,14 @@ import pandas as pd
 
 from gelforge.config import Study, load_study
 from gelforge.mismatch.evidence.covariance import readings_covariance
-from gelforge.mismatch.goodness.residual_tests import residual_tests
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of, solver_of
+from gelforge.mismatch.evidence.kernels import kernels_of, weighed_unknown
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.fem.nominal import observations_of, problem_of
+from gelforge.mismatch.inference.posterior import chance_of_known
+from gelforge.mismatch.inference.scan import residual_tests
+from gelforge.mismatch.model.effect import Context
+from gelforge.mismatch.pipeline.stage import solver_of
 from gelforge.mismatch.result.verdict import ALARM_P
-from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.unknown import kernels_of, weighed_unknown
-from gelforge.mismatch.terms.weighing import chance_of_known
 from validation.draw import base_world
 from validation.library import Library, load_library
 from validation.presses import timeline
@@ -62,9 +63,9 @@ def stating(problem: Problem, context: Context, base, press_mm: float, session_m
 
 def chance(problem: Problem, study: Study) -> float:
     """Return the p of whether there is a mismatch, as the judge takes it from its four tests."""
-    rng, everything = np.random.default_rng([study.seed, 5]), np.ones(len(problem.labels), bool)
+    rng = np.random.default_rng([study.seed, 5])
     unknown = weighed_unknown(problem, kernels_of(problem))
-    found = residual_tests(problem, problem.residual, everything, study.mismatch, rng)
+    found = residual_tests(problem, problem.residual, study.mismatch.draws, rng)
     return replace(found, unknown_p=unknown.p, known_p=chance_of_known(problem)).p
 
 

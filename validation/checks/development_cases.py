@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from gelforge.config import load_study
-from gelforge.mismatch.pipeline.stage import observations_of, problem_of, solver_of
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.fem.nominal import observations_of, problem_of
+from gelforge.mismatch.pipeline.stage import solver_of
 from gelforge.mismatch.readings.sessions import session_folders
-from gelforge.mismatch.terms.problem import Problem
 from validation import sealing
 from validation.draw import DEVELOPMENT, Case, cases
 from validation.library import Library, load_library

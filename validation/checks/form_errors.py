@@ -20,10 +20,10 @@ import numpy as np
 import pandas as pd
 
 from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.refit import refitted
 from gelforge.mismatch.inference.fits import forces_of
-from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.refit import refitted
-from gelforge.mismatch.terms.weighing import weighed
+from gelforge.mismatch.inference.posterior import weighed
 from validation.checks.development_cases import SETS, Known, known_singles
 
 

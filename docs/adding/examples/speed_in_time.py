@@ -1,8 +1,7 @@
 """The speed of the stage differs from press to press: what is read while it moves comes from another depth."""
 
+from gelforge.mismatch.evidence.kernels import FreeForm, Module, modes
 from gelforge.mismatch.model.solver_effects import per_depth
-from gelforge.mismatch.terms.module import FreeForm, Module
-from gelforge.mismatch.terms.unknown import modes
 
 WIDTH_MM = 0.02  # of the depth by which it is ahead or behind (judgement)
 

@@ -53,7 +53,7 @@ def expected_seconds(study: Study, workers: int) -> float:
 def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
     """Print and write what the study's plan could detect, and print what it could not be asked of."""
     from gelforge.files import write_table
-    from gelforge.mismatch.pipeline.design import limits_table, planned_problem
+    from gelforge.mismatch.pipeline.experiments import limits_table, planned_problem
     from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.summary.words import uncomputed
 
@@ -70,7 +70,7 @@ def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers
 def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
     """Print and write the experiments that would distinguish a verdict's surviving effects, the first to be made first."""
     from gelforge.files import write_table
-    from gelforge.mismatch.pipeline.design import experiments_table
+    from gelforge.mismatch.pipeline.experiments import experiments_table
     from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.result.verdict import read_verdict
     from gelforge.mismatch.result.verdict_tables import check_tables

@@ -4,15 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Context, Shape
 from gelforge.mismatch.model.solver_effects import has, pressed_by_balls, solved
 
-GROWTH = 1.5  # d area / d depth, in pi times the radius, where it is taken as constant
 LAWS = ("constant", "JKR")
-LEAST_MM = 1e-6  # of a depth whose logarithm is taken
-FLAT = 1e-9  # N/mm^2: a push that does not stiffen has no rim that lets go
-ROUNDS = 20  # of a contraction by 1/4 and less
 
 
 def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
@@ -32,7 +27,7 @@ def constant_pull(context: Context, w: float) -> np.ndarray:
     The contact area A grows by pi R d on a half space and by 2 pi R d on a layer that is thin beside it; between them 1.5
     is taken.
     """
-    growth = sum(GROWTH * np.pi * part.radius_mm for part in context.study.indenter.shapes)
+    growth = sum(1.5 * np.pi * part.radius_mm for part in context.study.indenter.shapes)
     return np.full(len(context.observations.table), w * growth)
 
 
@@ -43,7 +38,7 @@ def jkr_pull(context: Context, w: float) -> np.ndarray:
     solved force of its site.
     """
     table, parts = context.observations.table, context.study.indenter.shapes
-    depth = np.maximum(table["depth_mm"].to_numpy(float), LEAST_MM)
+    depth = np.maximum(table["depth_mm"].to_numpy(float), 1e-6)  # its logarithm is taken
     deepest = np.maximum(table["deepest_mm"].to_numpy(float), depth)
     pull = np.zeros(len(table))
     for site, rows in table.groupby("site").indices.items():
@@ -93,7 +88,8 @@ class Contact:
         """
         a = np.sqrt(self.radius * d)
         growth = np.pi * self.radius * (1 + np.minimum(a / self.thickness, 1.0))
-        return np.sqrt(2 * w * growth / np.maximum(self.push(d)[2], FLAT))
+        # N/mm^2: a push that does not stiffen has no rim that lets go
+        return np.sqrt(2 * w * growth / np.maximum(self.push(d)[2], 1e-9))
 
     def pull(self, w: float, depth: np.ndarray, deepest: np.ndarray) -> np.ndarray:
         """Return the push without adhesion less that with it [N] at depths after the deepest.
@@ -101,7 +97,7 @@ class Contact:
         The rim does not move until it lets go, so no contact is larger than that of the deepest point.
         """
         held = depth
-        for _ in range(ROUNDS):
+        for _ in range(20):  # a contraction by 1/4 and less each time
             held = np.minimum(depth + self.retreat(w, held), deepest)
         force, stiffness, _ = self.push(held)
         return self.push(depth)[0] - force + stiffness * (held - depth)

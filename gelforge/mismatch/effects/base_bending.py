@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Context, Shape
 from gelforge.mismatch.model.solver_effects import has, per_depth, solved
 
 

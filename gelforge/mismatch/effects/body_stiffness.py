@@ -11,8 +11,7 @@ import numpy as np
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.mismatch.effects import gel_stiffness
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Shape
 
 PARTS = ("gel_stiffness", "skin_stiffness")
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 from gelforge.mismatch.model.solver_effects import per_depth
 
 STAMPS = ("late", "early")  # forces belong to the way before a reading, or to that after it

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 
 SOURCE = "width: cross-talk of 1 to 2 % of full scale in common data sheets, or a turn of 1 deg (0.017); bounds: 11 deg"
 AXES = "xyz"

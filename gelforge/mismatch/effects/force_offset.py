@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Shape
 from gelforge.mismatch.model.solver_effects import on_each_axis
 
 SOURCE = (

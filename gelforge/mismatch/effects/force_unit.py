@@ -2,7 +2,7 @@
 
 from gelforge.mismatch.model.solver_effects import data_entry_error
 
-# What is read of one newton; thousands are refused when a recording is read.
+# What is read of one newton: the kgf of 1901, the lbf of 1959; thousands are refused when a recording is read.
 READ = {
     "kgf": 1 / 9.80665,
     "lbf": 1 / 4.4482216,

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 
 AXES = ("x", "y")
 SOURCE = "width: a belt or a worn screw (judgement; a preloaded one has 1e-3 mm); bounds: seen by eye"

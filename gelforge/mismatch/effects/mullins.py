@@ -11,15 +11,13 @@ from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mechanics.laws import softening
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Context, Shape
 from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
 # m over the largest energy density: a loss at the slightest return, and one in proportion
 SCALES = (0.1, 1.0)
-BETA = 0.1
+BETA = 0.1  # of the peak, beside m: how early a return loses stress (judgement)
 LARGEST = 0.95  # share of the stress
-KNOTS = 65  # of the work over depth
 WIDER = 0.1  # of the height: how far the energy reaches beyond the contact (validation/checks/softening_formula.py)
 RINGS, SPOKES = 6, 8  # of points about an indentation
 
@@ -89,11 +87,11 @@ class Energies:
         table = context.observations.table
         self.height = context.study.sensor.height_mm
         R = min(part.radius_mm for part in context.study.indenter.shapes)
-        self.depths = np.linspace(0.0, max(table["depth_mm"].max(), table["deepest_mm"].max()), KNOTS)
+        self.depths = np.linspace(0.0, max(table["depth_mm"].max(), table["deepest_mm"].max()), 65)
         contact = np.sqrt(np.clip(2 * R * self.depths - self.depths**2, (0.1 * R) ** 2, R**2))
         self.reach = contact + wider * self.height  # mm
         pushing = [-context.curves.at(s, self.depths)[:, 2] for s in range(len(context.observations.sites))]
-        self.work = cumulative_trapezoid(pushing, self.depths, initial=0.0)  # (sites, KNOTS) [mJ]
+        self.work = cumulative_trapezoid(pushing, self.depths, initial=0.0)  # (sites, knots) [mJ]
 
     @property
     def largest(self) -> float:

@@ -6,13 +6,11 @@ import numpy as np
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Context, Shape
 from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
-SHORTEST_S = 0.1
+SHORTEST_S = 0.1  # what relaxes faster has done so when an indentation arrives (judgement)
 LONGEST_OVER_PRESS = 10.0  # a time ten times the longest press acts as a stiffness: longer ones look alike
-TIMES_PER_DECADE = 2.0
 STEPS = 6  # between two readings, so that a curved way is followed
 STIFFNESS = {"gel": "gel_stiffness", "skin": "skin_stiffness"}
 
@@ -21,9 +19,7 @@ def shapes(context: Context) -> list[Shape]:
     """Return relaxation times on a log grid, of the layers under the skin and of the skin."""
     longest = max(float(context.observations.table["press_time_s"].max()), SHORTEST_S)
     decades = np.log10(LONGEST_OVER_PRESS * longest / SHORTEST_S)
-    times = np.geomspace(
-        SHORTEST_S, LONGEST_OVER_PRESS * longest, int(np.ceil(TIMES_PER_DECADE * decades)) + 1
-    )
+    times = np.geomspace(SHORTEST_S, LONGEST_OVER_PRESS * longest, int(np.ceil(2 * decades)) + 1)
     parts = ["gel", "skin"] if len(context.study.sensor.layers) > 1 else ["gel"]
     return [{"part": part, "time_s": float(f"{t:.3g}")} for part in parts for t in times]
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Context
 from gelforge.mismatch.readings.observations import Observations
 
 
@@ -88,11 +88,6 @@ class Covariance:
     def standard_deviation(self) -> np.ndarray:
         """Return the square root (n,) of the diagonal of C."""
         return np.sqrt(self.variance + sum((level.directions**2).sum(axis=1) for level in self.levels))
-
-    @property
-    def instrument(self) -> Covariance:
-        """Return the independent part alone."""
-        return replace(self, levels=())
 
     def restricted(self, mask: np.ndarray) -> Covariance:
         """Return the covariance of some entries, by a mask (n,) bool or by numbers."""

@@ -1,9 +1,13 @@
-"""Evidence and posterior of linear models with normal and half-normal priors: the one place of these formulas."""
+"""Evidence and posterior of linear models with normal and half-normal priors, and the prior of sets of effects."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import gammaln, log_ndtr, logsumexp
+
+from gelforge.mismatch.thresholds import NULL_PRIOR
 
 FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
 
@@ -56,3 +60,24 @@ def evidences(
         less = np.where(signed, (1 - left) * cov[:, i, i], 0.0)
         cov = cov - less[:, None, None] * gain[:, :, None] * gain[:, None, :]
     return found, mean, cov
+
+
+NOTHING: frozenset[str] = frozenset()
+UNKNOWN = "unknown"  # what no known effect explains: as likely, before the readings, as any one of them
+
+
+def log_prior(effects: int, known: int) -> float:
+    """Return the log prior of one answer of so many effects out of those known.
+
+    Each is left out by itself and all as likely, such that none is with NULL_PRIOR: their number has Poisson's law, and
+    the answers of one number share its probability.
+    """
+    mean = -np.log(NULL_PRIOR)
+    count = gammaln(known + 1) - gammaln(effects + 1) - gammaln(known - effects + 1)
+    return float(np.log(NULL_PRIOR) + effects * np.log(mean) - gammaln(effects + 1) - count)
+
+
+def normalised(log_weights: Mapping) -> dict:
+    """Return weights given by their logarithms as probabilities."""
+    total = logsumexp(list(log_weights.values()))
+    return {name: float(np.exp(value - total)) for name, value in log_weights.items()}

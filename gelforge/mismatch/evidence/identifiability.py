@@ -11,21 +11,8 @@ from scipy.spatial.distance import squareform
 
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import Candidate, Screened
-from gelforge.mismatch.model.effect import Shape
-from gelforge.mismatch.thresholds import ALIKE, DECISIVE, DETECTED_SNR
-
-
-@dataclass(frozen=True)
-class Limit:
-    """The smallest value that this recording detects."""
-
-    name: str
-    parameter: int
-    shape: Shape  # where it is seen best
-    amount: float
-    prior_sd: (
-        float  # the value in prior standard deviations; above 1 the recording cannot show what is plausible
-    )
+from gelforge.mismatch.result.verdict import Experiment
+from gelforge.mismatch.thresholds import ALIKE, DETECTED_SNR
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,21 +25,6 @@ class Plan:
     covariance: Covariance
     columns: Mapping[str, np.ndarray]  # (n, p) [N per unit]
     errors: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n, k) [N] of each effect's own change
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """A plan and the log odds that it is expected to give to the right one of two effects."""
-
-    name: str
-    cost: float
-    presses: int
-    expected_log_odds: float
-
-    @property
-    def decides(self) -> bool:
-        """Return whether odds of ten are expected."""
-        return self.expected_log_odds >= DECISIVE
 
 
 def indistinguishable(covariance: Covariance, singles: Mapping[str, Screened]) -> dict[str, frozenset[str]]:
@@ -105,24 +77,22 @@ def correlations(changes: np.ndarray, sensitivities: Sequence[np.ndarray]) -> np
     return np.clip(np.minimum(followed, followed.T), 0.0, 1.0)
 
 
-def detection_limits(covariance: Covariance, candidates: Sequence[Candidate]) -> list[Limit]:
-    """Return for each effect and parameter the value whose change has an SNR of DETECTED_SNR, over the effect's shapes.
+def detection_limits(
+    covariance: Covariance, candidates: Sequence[Candidate]
+) -> list[tuple[Candidate, int, float]]:
+    """Return for each effect and value the shape that is seen best, the value's number, and its smallest value that is seen.
 
-    Infinite where the readings do not change.
+    That is the value whose change has an SNR of DETECTED_SNR; infinite where the readings do not change.
     """
-    found: dict[tuple[str, int], list[tuple[float, Candidate]]] = {}
+    found: dict[tuple[str, int], tuple[float, Candidate, int, float]] = {}
     for candidate in candidates:
         norms = np.linalg.norm(covariance.whiten(candidate.columns), axis=0)
         for k, norm in enumerate(norms):
-            amount = DETECTED_SNR / norm if norm > 0 else np.inf
-            found.setdefault((candidate.name, k), []).append((amount, candidate))
-    limits = []
-    for (name, k), shapes in found.items():
-        widths = [1.0 if one.binary else float(one.prior_sd[k]) for _, one in shapes]
-        share, best = min((amount / width, j) for j, ((amount, _), width) in enumerate(zip(shapes, widths)))
-        amount, candidate = shapes[best]
-        limits.append(Limit(name, k, candidate.shape, float(amount), float(share)))
-    return limits
+            amount = float(DETECTED_SNR / norm) if norm > 0 else np.inf
+            share = amount / (1.0 if candidate.binary else float(candidate.prior_sd[k]))
+            if (key := (candidate.name, k)) not in found or share < found[key][0]:
+                found[key] = share, candidate, k, amount
+    return [(candidate, k, amount) for _, candidate, k, amount in found.values()]
 
 
 def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
@@ -147,14 +117,18 @@ def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
 
 def next_experiment(plans: Sequence[Plan], first: Screened, second: Screened) -> list[Experiment]:
     """Return the plans, the one to make first: the cheapest that is expected to decide, else the most informative one."""
-    found = [
-        Experiment(plan.name, plan.cost, plan.presses, expected_log_odds(plan, first, second))
-        for plan in plans
-    ]
-    return sorted(
-        found,
-        key=lambda e: (not e.decides, e.cost if e.decides else -e.expected_log_odds, -e.expected_log_odds),
-    )
+    separates, found = [first.name, second.name], []
+    for plan in plans:
+        odds = expected_log_odds(plan, first, second)
+        one = Experiment(
+            words=plan.name,
+            separates=separates,
+            presses=plan.presses,
+            cost_s=60 * plan.cost,
+            expected_log_odds=odds,
+        )
+        found.append(((not one.decides, plan.cost if one.decides else -odds, -odds), one))
+    return [one for _, one in sorted(found, key=lambda both: both[0])]
 
 
 def _divergence(m: np.ndarray, S: np.ndarray, m0: np.ndarray, S0: np.ndarray) -> float:

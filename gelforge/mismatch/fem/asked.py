@@ -11,8 +11,7 @@ from gelforge.config import ConfigError
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import Variation
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Shape
 from gelforge.mismatch.model.images_of_presses import carried, carried_derivative, numbers_at_image
 from gelforge.mismatch.model.places import FirstOrder
 from gelforge.mismatch.thresholds import REACH_MM

@@ -14,15 +14,15 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import Derivative, Variation
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.evidence.candidates import effects_of_forces
 from gelforge.mismatch.fem.asked import asked_of
 from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
 from gelforge.mismatch.fem.solver import forgetting
 from gelforge.mismatch.fem.stored import place_digest, write_stored
 from gelforge.mismatch.free_forms import required
-from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Context
 from gelforge.mismatch.model.images_of_presses import image_of
 from gelforge.mismatch.readings.observations import PLACE_DIGITS
-from gelforge.mismatch.terms.candidates import effects_of_forces
 
 ZERO_BY = (
     "press",

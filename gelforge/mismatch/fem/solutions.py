@@ -8,7 +8,7 @@ Kept are forces in the sensor's axes; those returned are in the axes of the forc
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -292,11 +292,6 @@ def each_derivative(
             except (NotConverged, ConfigError) as failure:
                 along[key] = str(failure)
     return base, along
-
-
-def way_down(planned: PlannedCell) -> PlannedCell:
-    """Return a run without its unloading, through all its depths."""
-    return replace(planned, depths_mm=tuple(float(d) for d in np.unique(planned.depths_mm)), phases=())
 
 
 def _way_down_of(cell: Cell) -> dict[str, np.ndarray]:

@@ -25,7 +25,7 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 FORMAT = "gelforge-sensitivities-1"
 REMEDY = "solve it again (`gelforge sensitivities`, or snakemake -R on the file)"
-DEPTH_MATCH_MM = 1e-6
+DEPTH_MATCH_MM = 1e-6  # of one plan: what differs by rounding is one depth
 
 
 @dataclass(frozen=True)

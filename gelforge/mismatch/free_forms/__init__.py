@@ -6,11 +6,10 @@ from collections.abc import Iterable, Sequence
 
 from gelforge.config import Study
 from gelforge.mismatch.effects import with_dependencies
+from gelforge.mismatch.evidence.candidates import candidates_of
+from gelforge.mismatch.evidence.kernels import FreeForm, Module
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect
-from gelforge.mismatch.terms.candidates import candidates_of
-from gelforge.mismatch.terms.module import FreeForm, Module
+from gelforge.mismatch.model.effect import Context, Effect
 from gelforge.registry import defined, names_in
 
 FREE_FORMS: dict[str, FreeForm] = {

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.kernels import FreeForm, Module, near, plane_modes, several_places, sites
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
+from gelforge.mismatch.model.effect import Context
 from gelforge.mismatch.model.solver_effects import per_depth
-from gelforge.mismatch.terms.module import FreeForm, Module, near, plane_modes, several_places, sites
 
 
 def module(context: Context, changes: Sequence[Candidate]) -> Module | None:

@@ -14,16 +14,14 @@ from scipy.linalg import block_diag
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.force_hysteresis import largest_so_far, play
+from gelforge.mismatch.evidence.kernels import AXES, FreeForm, Module
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.module import AXES, FreeForm, Module
+from gelforge.mismatch.model.effect import Context
 
 BANDS = (0.25, 1.0, 4.0)  # of a plausible hysteresis, half a band's share of the largest force
 OF_PEAK = (1.0, 2.0)  # powers of the largest force so far over the largest of all
 OF_RETURN = (0.5, 1.0, 2.0)  # powers of the share of it that is gone
 COUNT = len(BANDS) + len(OF_PEAK) * len(OF_RETURN)
-# Of the map: the largest force so far, and the share of it that still presses.
-PEAKS, LEFT = (0.25, 0.5, 1.0), (0.25, 0.5, 0.75)
 
 
 def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
@@ -35,7 +33,9 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     directions = [
         flat(np.where(np.arange(3)[:, None] == k, openings, 0.0)) for k in range(3)
     ]  # by axis (n, q)
-    peak, left = (grid.ravel() for grid in np.meshgrid(PEAKS, LEFT, indexing="ij"))
+    # of the map: the largest force so far, and the share of it that still presses
+    grids = np.meshgrid((0.25, 0.5, 1.0), (0.25, 0.5, 0.75), indexing="ij")
+    peak, left = (grid.ravel() for grid in grids)
     own = _of_map(peak, left, width)
     at = pd.DataFrame({"largest_force_share": peak, "left_share": left})
     return Module(

@@ -9,9 +9,7 @@ import pandas as pd
 from scipy.linalg import block_diag
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.module import (
+from gelforge.mismatch.evidence.kernels import (
     AXES,
     FreeForm,
     Module,
@@ -20,6 +18,8 @@ from gelforge.mismatch.terms.module import (
     several_places,
     sites,
 )
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.model.effect import Context
 
 
 def module(context: Context, changes: Sequence[Candidate]) -> Module | None:

@@ -11,13 +11,11 @@ from gelforge.config import Study, changed_study
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.mechanics.contact.forces import friction_coefficient
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.kernels import FreeForm, Module
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 from gelforge.mismatch.model.places import FirstOrder
-from gelforge.mismatch.terms.module import FreeForm, Module
 
-MOST = 2.0  # coefficient of friction that a study can have
 AT = (0.1, 0.3, 1.0, 3.0, 10.0)  # of the study's reference pressure: pressures of the map
 # Of the study's reference pressure: the lowest one makes a power of most pressures, the highest a straight line.
 REFERENCES = (0.1, 1.0, 10.0)
@@ -89,7 +87,7 @@ def _with_friction(study: Study, references: Sequence[float], basis: np.ndarray,
     """Return the study with the coefficient and the exponents that make a map (G,), to first order, in a study's bounds."""
     excess, *exponents = np.linalg.lstsq(basis, change, rcond=None)[0]  # exact: the map is made of them
     width = CATALOGUE["friction"].parameters[0].width
-    mu = float(np.clip(study.mechanics.friction + width * excess, 0.0, MOST))
+    mu = float(np.clip(study.mechanics.friction + width * excess, 0.0, 2.0))  # as a study can have
     study = changed_study(study, {"mechanics": {"friction": mu}})
     (most,) = TERM.parameters[0].bounds[1:]
     return with_terms(study, {p: np.clip(WIDTH * n, -most, most) for p, n in zip(references, exponents)})

@@ -9,10 +9,9 @@ import pandas as pd
 from scipy.linalg import block_diag
 
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.kernels import AXES, MODES, FreeForm, Module, of_each
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.module import AXES, FreeForm, Module
-from gelforge.mismatch.terms.unknown import MODES, of_each
+from gelforge.mismatch.model.effect import Context
 
 OWN = 0.5  # of what all axes' gains share, by which each departs from it: wiring and amplifier are common (judgement)
 

@@ -11,13 +11,10 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
+from gelforge.mismatch.evidence.candidates import BOX, LEVELS, WIDTH, box_at
+from gelforge.mismatch.evidence.kernels import FreeForm, Module, modes, near, plane_modes, product
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.body_map import BOX, LEVELS, WIDTH, box_at
-from gelforge.mismatch.terms.module import FreeForm, Module, near, plane_modes
-from gelforge.mismatch.terms.unknown import modes, product
-
-LEAST_FACTOR = 0.05  # of a box's modulus in a patched study: the linear map knows no bound at none
+from gelforge.mismatch.model.effect import Context
 
 
 def module(context: Context, boxes: Sequence[Candidate]) -> Module | None:
@@ -50,7 +47,7 @@ def _with_modulus(study: Study, at: pd.DataFrame, change: np.ndarray) -> Study:
     geometry = study.mechanics.effects.geometry
     others = [patch.model_dump() for patch in geometry.patches]
     own = [
-        box_at(study, shape) | {"factor": float(max(1 + a, LEAST_FACTOR))}
+        box_at(study, shape) | {"factor": float(max(1 + a, 0.05))}  # the linear map knows no bound
         for shape, a in zip(at.to_dict("records"), change)
     ]
     return with_keys(unmirrored(study), geometry={"patches": [*others, *own]})

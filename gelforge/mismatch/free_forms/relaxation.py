@@ -12,13 +12,9 @@ from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.viscoelastic import STIFFNESS, overstress, shapes
+from gelforge.mismatch.evidence.kernels import FreeForm, Module, modes
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.module import FreeForm, Module
-from gelforge.mismatch.terms.unknown import modes
-
-COSINES = 5  # over the logarithm of the time
-LEAST = 1e-4  # relative modulus of a branch in a patched study, below which there is none
+from gelforge.mismatch.model.effect import Context
 
 
 def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
@@ -38,7 +34,7 @@ def _spectra(context: Context, times: Mapping[str, np.ndarray]) -> Module:
     (branch,) = CATALOGUE["viscoelastic"].parameters
     flat, directions, basis, maps = context.observations.flat, [], [], []
     for part, own in times.items():
-        smooth = branch.width / np.sqrt(len(own)) * modes(np.log(own), min(COSINES, len(own)))
+        smooth = branch.width / np.sqrt(len(own)) * modes(np.log(own), min(5, len(own)))
         columns = np.column_stack([flat(overstress(context, STIFFNESS[part], tau)) for tau in own])
         directions.append(columns @ smooth)
         basis.append(smooth)
@@ -63,7 +59,7 @@ def _with_branches(study: Study, times: Mapping[str, np.ndarray], moduli: np.nda
     ends = np.cumsum([len(own) for own in times.values()])[:-1]
     branches: dict[str, dict[str, list[float]]] = {}
     for (part, own), values in zip(times.items(), np.split(moduli, ends)):
-        kept = values > LEAST
+        kept = values > 1e-4  # a smaller branch is none
         names = gel_layers(study) if part == "gel" else [skin_layer(study)]
         if kept.any():
             branch = {"relative_moduli": values[kept].tolist(), "times_s": own[kept].tolist()}

@@ -9,18 +9,14 @@ import pandas as pd
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.mullins import WIDER, Energies, histories
+from gelforge.mismatch.evidence.kernels import FreeForm, Module
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.terms.module import FreeForm, Module
+from gelforge.mismatch.model.effect import Context
 
 OF_PEAK = (0.0, 0.5, 1.0)  # powers of the largest energy over the largest of all
-OF_RETURN = (
-    0.25,
-    1.0,
-    2.0,
-)  # powers of the share of it that is gone: an early loss, and one at the end of a return
+# Powers of the share of it that is gone: an early loss, and one at the end of a return
+OF_RETURN = (0.25, 1.0, 2.0)
 REACHES = (0.3, 1.0, 3.0)  # of how far an indentation's energy reaches beyond its contact (WIDER)
-AT = (0.25, 0.5, 0.75, 1.0)  # of the map
 
 
 def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
@@ -34,7 +30,7 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
         return None
     width = loss.width / np.sqrt(len(OF_PEAK) * len(REACHES))
     flat = context.observations.flat
-    peak, gone = (grid.ravel() for grid in np.meshgrid(AT, AT, indexing="ij"))
+    peak, gone = (grid.ravel() for grid in np.meshgrid(*2 * [np.arange(1, 5) / 4], indexing="ij"))
     powers = np.column_stack([peak**a * gone**b for a in OF_PEAK for b in OF_RETURN])
     return Module(
         words="what the gel has lost by its largest energy so far",

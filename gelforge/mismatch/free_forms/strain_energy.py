@@ -9,12 +9,11 @@ import pandas as pd
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
+from gelforge.mismatch.evidence.kernels import FreeForm, Module
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 from gelforge.mismatch.model.places import FirstOrder
 from gelforge.mismatch.model.solver_effects import has_none_of
-from gelforge.mismatch.terms.module import FreeForm, Module
 
 AT = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)  # I1 - 3 of the map: stretches of 1.1 to 1.5
 TERMS = ("c2", "c3")

@@ -16,6 +16,7 @@ import pandas as pd
 
 from gelforge.config import Study
 from gelforge.mismatch.effects import CATALOGUE, with_dependencies
+from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import Base
@@ -30,12 +31,10 @@ from gelforge.mismatch.images.flow_images import (
     shows_gel,
 )
 from gelforge.mismatch.images.flow_model import FlowModel, FlowUnknown, flow_model
+from gelforge.mismatch.inference.holdout import Blocks
 from gelforge.mismatch.inference.judge import Judgement
-from gelforge.mismatch.inference.proof import Proof
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import Observations
-from gelforge.mismatch.terms.holdout import Blocks
-from gelforge.mismatch.terms.problem import Problem
 from gelforge.recording.readings import Recording
 from gelforge.virtual_lab.particles import VirtualLabError
 
@@ -257,23 +256,17 @@ def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgeme
         return problem, judgement
     n, R = problem.flow.entries, len(problem.flow.forces.base)
 
-    def cut(blocks: Blocks) -> Blocks:
-        return Blocks(blocks.train[:n], {name: mask[:n] for name, mask in blocks.held.items()})
-
-    def of_force(proof: Proof) -> Proof:
-        return replace(proof, blocks=cut(proof.blocks), left=proof.left[:n])
-
     answer = judgement.answer
     if answer is not None:
         answer = replace(
             answer,
             after=answer.after[:R],
-            proof=None if answer.proof is None else of_force(answer.proof),
-            folds={name: of_force(proof) for name, proof in answer.folds.items()},
+            proof=answer.proof and replace(answer.proof, left=answer.proof.left[:n]),
         )
     model = judgement.model
     if model is not None:
         own = {name: getattr(model, name)[:n] for name in ("left", "rest", "change", "spread")}
         model = replace(model, **own)
-    blocks = cut(judgement.blocks)
+    held = {name: mask[:n] for name, mask in judgement.blocks.held.items()}
+    blocks = Blocks(judgement.blocks.train[:n], held)
     return problem.flow.forces, replace(judgement, blocks=blocks, answer=answer, model=model)

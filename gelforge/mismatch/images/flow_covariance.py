@@ -9,11 +9,11 @@ import pandas as pd
 from scipy.ndimage import uniform_filter
 
 from gelforge.mismatch.evidence.covariance import Covariance, Draws, estimated_noise
-from gelforge.mismatch.fem.base_bars import PART
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.fem.solver import PART
 from gelforge.mismatch.images.flow_images import REGIONS
 from gelforge.mismatch.images.flow_model import LOOKS, OTHER_BLUR_PX, OTHER_DIAMETER, FlowModel
 from gelforge.mismatch.readings.observations import Observations
-from gelforge.mismatch.terms.problem import Problem
 
 # Of the flow of a region: what drawing leaves out of a real image (glare, particles that are no balls, distortion).
 DRAWN_SHARE = 0.01

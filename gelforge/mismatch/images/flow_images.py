@@ -24,8 +24,7 @@ from scipy.special import ndtr
 from scipy.stats import qmc
 
 from gelforge.config import Camera, Sensor, VirtualImaging, VirtualParticles, given
-from gelforge.mismatch.evidence.spread import spread_out
-from gelforge.mismatch.readings.observations import Observations
+from gelforge.mismatch.readings.observations import Observations, spread_out
 from gelforge.mismatch.readings.sessions import read_all
 from gelforge.recording.imaging.flow import Flow, crop, read_grey
 from gelforge.recording.imaging.images import image_path, reference_path
@@ -38,7 +37,6 @@ from gelforge.virtual_lab.particles import gel_boxes, place_particles
 REGIONS = 8  # along each side: 15 to 20 particles per region of the published sensor's gel
 PRESET = "fine"  # of the flow, as the factory's features
 DRAWINGS = 32  # placements of particles, for the mean and its scatter
-EVEN_POINTS_LOG2 = 14
 SPREAD_PX = 10.0  # over which the search spreads what it finds: about the distance of particles in the image
 MOST_SITES = 12  # positions whose images are looked at
 # Largest mean motion of a region in an image that is looked at. Where particles move farther the search mistakes some:
@@ -47,10 +45,6 @@ MOST_PX = 2.5
 FIELD_CELLS = 40  # along each side, of the field by which an image is warped: as wide as SPREAD_PX
 SLOPE_STEP_MM = 1e-3  # of a displacement, for the slope of a projection: its curvature is 1e-5 of it
 FAR_MM = 1e4  # from where a flat scale is drawn as a pinhole: parallel rays within 1e-3
-LEAST_SHARE = (
-    0.5  # of the median number of particles per region, below which it shows the wall or the gel's rim
-)
-GREYS = (5.0, 99.5)  # percentiles of the reference frame: background, and the nearest particles' middles
 
 
 @dataclass(frozen=True)
@@ -115,7 +109,7 @@ def even_points(sensor: Sensor, diameter_mm: float) -> np.ndarray:
     """Return points (Q, 3) [mm] that fill the layers with particles evenly, where middles of particles can be."""
     boxes = [(low + diameter_mm / 2, high - diameter_mm / 2) for low, high in gel_boxes(sensor)]
     volumes = np.array([np.prod(high - low) for low, high in boxes])
-    even = qmc.Sobol(3, scramble=False).random_base2(EVEN_POINTS_LOG2)
+    even = qmc.Sobol(3, scramble=False).random_base2(14)
     counts = np.round(len(even) * volumes / volumes.sum()).astype(int)
     return np.concatenate([low + even[:n] * (high - low) for (low, high), n in zip(boxes, counts)])
 
@@ -279,7 +273,7 @@ def _measured(one: Pictured) -> FlowObservation:
         grey = float(np.std(still[0].astype(float) - reference)) / np.sqrt(2)
     else:
         noise, grey = np.full(flows.shape[1:], np.nan), VirtualImaging().noise_grey
-    low, high = np.percentile(reference, GREYS)
+    low, high = np.percentile(reference, (5.0, 99.5))  # background, and the nearest particles' middles
     imaging = VirtualImaging(noise_grey=grey, background_grey=float(low), particle_grey=float(high))
     eye = CameraView(
         given(recording.session.camera, "camera"), None if crop_px is None else tuple(crop_px), imaging
@@ -357,4 +351,5 @@ def shows_gel(eye: CameraView, particles: Particles) -> np.ndarray:
     row, column = (at[inside] * REGIONS // pixels for at, pixels in ((v, height), (u, width)))
     number = row.astype(int) * REGIONS + column.astype(int)
     count = np.bincount(number, minlength=REGIONS**2)
-    return count >= max(LEAST_SHARE * float(np.median(count[count > 0])), len(particles.placed))
+    # with fewer it shows the wall or the gel's rim
+    return count >= max(0.5 * float(np.median(count[count > 0])), len(particles.placed))

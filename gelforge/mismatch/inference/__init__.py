@@ -1,1 +1,1 @@
-"""How probable sets of effects are, by what they would change of the readings."""
+"""Whether something is missing and where, how probable sets of effects are, and whether what an answer leaves is noise."""

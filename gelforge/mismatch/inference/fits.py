@@ -1,19 +1,38 @@
-"""Nonlinear fits of the few sets that matter: the most probable one and its nearest competitor, in the real model."""
+"""Nonlinear fits of the few sets that matter: the most probable one and its nearest competitor, in the real model.
+
+Changes are solved at a few sites: at the others the linear change is bent as it is at those that were solved. How much more,
+or less, a body changes than in proportion depends on the depth far more than on the place: a polynomial of depth, one for
+pressing and one for sideways forces, carries it from the few sites to all.
+
+A strong defect is put where the finite elements fit it best, before sets of effects are weighed. Places are tried on a grid;
+what a strong defect between them leaves is larger than many an effect, and would call for two or three others beside it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gelforge.config import ConfigError
 from gelforge.mechanics.solving.equilibrium import NotConverged
-from gelforge.mismatch.evidence.screen import Candidate, Screened, split
+from gelforge.mismatch.evidence.problem import Problem, secant
+from gelforge.mismatch.evidence.refit import Refitted, refitted
+from gelforge.mismatch.evidence.screen import Candidate, Screened, screened, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior
-from gelforge.mismatch.terms.problem import Problem, secant
-from gelforge.mismatch.terms.refit import Refitted, refitted
-from gelforge.mismatch.thresholds import COMPETITOR, CURVED_SNR, MOST_FREE, MOST_SOLUTIONS, MOST_SOLVED
+from gelforge.mismatch.model.effect import unturned
+from gelforge.mismatch.readings.observations import spread_out
+from gelforge.mismatch.thresholds import (
+    COMPETITOR,
+    CURVED_SNR,
+    MOST_FREE,
+    MOST_SITES,
+    MOST_SOLUTIONS,
+    MOST_SOLVED,
+    OBSERVABLE,
+    STRONG_SNR,
+)
 from gelforge.progress import stage
 
 
@@ -184,3 +203,88 @@ def _with_fits(
         sets={effects: one for effects, one in sets.items() if effects not in failed},
         evidence={effects: value for effects, value in evidence.items() if effects not in failed},
     )
+
+
+ORDER = 2  # of the polynomial
+
+
+def at_few_sites(problem: Problem) -> Problem:
+    """Return the problem with forces solved at a few sites; itself where there are no more, or nothing says how to bend.
+
+    What is solved in order, or switched on, is solved everywhere.
+    """
+    if problem.read_with is None or len(problem.observations.sites) <= MOST_SITES:
+        return problem
+    table = problem.observations.table
+
+    def change_of(parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
+        linear, near = problem.linear_change(parts, amounts), rows
+        if not (any(part.binary for part in parts) or problem.path_dependent(parts)):
+            near = np.isin(table["site"], chosen_sites(problem, linear, parts))
+        solved = problem.forces_with(parts, amounts, near) - problem.base
+        return bent(linear, solved, near, table["depth_mm"].to_numpy(float))
+
+    return problem.with_changes(problem.solves, change_of)
+
+
+def bent(linear: np.ndarray, solved: np.ndarray, near: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Return a change (R, 3) [N]: as solved at the rows near (R,) bool, elsewhere linear, bent by a polynomial of depth."""
+    change = linear.copy()
+    change[near] = np.where(np.isfinite(solved[near]), solved[near], linear[near])
+    powers = (depth / max(depth.max(initial=0.0), np.finfo(float).tiny))[:, None] ** np.arange(ORDER + 1)
+    for axes in ([2], [0, 1]):
+        columns = (linear[:, axes, None] * powers[:, None, :]).reshape(-1, ORDER + 1)
+        rows = np.repeat(near, len(axes))
+        more = (change[:, axes] - linear[:, axes]).ravel()
+        # a prior that holds the bend at none, as a share of the change's mean square
+        hold = 1e-3 * np.mean(columns[rows, 0] ** 2) * rows.sum() * np.eye(ORDER + 1)
+        A = columns[rows].T @ columns[rows] + hold
+        if A.any():
+            bend = columns @ np.linalg.lstsq(A, columns[rows].T @ more[rows], rcond=None)[0]
+            change[:, axes] += np.where(near[:, None], 0.0, bend.reshape(-1, len(axes)))
+    return change
+
+
+def chosen_sites(problem: Problem, linear: np.ndarray, parts: Sequence[Candidate]) -> np.ndarray:
+    """Return the numbers of the sites that are solved for a linear change (R, 3) [N]: observable ones, spread out.
+
+    The first shows it most. Of effects that are the same from all sides one eighth of a square stands for all of it.
+    """
+    site = problem.observations.table["site"].to_numpy()
+    size = np.sqrt(np.bincount(site, (linear**2).sum(axis=1), len(problem.observations.sites)))
+    observable = np.flatnonzero(size > OBSERVABLE * size.max())
+    places = problem.observations.sites[observable]
+    if all("x_mm" not in part.shape and problem.effects[part.name].turned is unturned for part in parts):
+        folded = np.sort(np.abs(places - places.mean(axis=0)).round(3), axis=1)
+        _, first = np.unique(folded, axis=0, return_index=True)
+        observable, places = observable[first], folded[first]
+    return observable[spread_out(places, MOST_SITES, int(np.argmax(size[observable])))]
+
+
+def placed(problem: Problem, real: Problem) -> tuple[Problem, str]:
+    """Return the problem with the candidate of a strong defect at its place, and why it could not be placed.
+
+    real: the same, solved at few sites. A defect is placed where it alone, errors of its change aside, is likelier than any
+    other effect alone; else the problem stays as it is.
+    """
+    start = screened(problem.residual, problem.covariance, problem.candidates)[0]
+    if not _is_strong_defect(problem, start):
+        return problem, ""
+    stage(f"place of the {start.name.replace('_', ' ')}")
+    try:
+        fit = refitted(real.with_linear_history(), start, np.ones(len(problem.labels), bool))
+        change = problem.observations.flat(forces_of(real, fit) - problem.base)
+    except (NotConverged, ConfigError) as failure:
+        return problem, f"{start.name.replace('_', ' ')} could not be placed: {failure}"
+    ((part,), (amounts,)) = fit.parts, fit.amounts
+    if part.moved_from is None or not np.any(amounts):
+        return problem, ""
+    own, (amount,) = problem.tried(part), amounts
+    there = replace(part, columns=change[:, None] / amount, prior_sd=own.prior_sd)
+    return replace(problem, candidates=[there if one is own else one for one in problem.candidates]), ""
+
+
+def _is_strong_defect(problem: Problem, one: Screened) -> bool:
+    """Return whether a single effect has a place, is solved, and is seen clearly."""
+    (part,) = one.parts
+    return "x_mm" in part.shape and problem.solves(part) and one.snr > STRONG_SNR

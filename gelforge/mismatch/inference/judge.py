@@ -1,4 +1,7 @@
-"""The judge: is there a mismatch, where, which physics was left out, does it hold on data not seen, what else remains."""
+"""The judge: is there a mismatch, where, which physics was left out, does it hold on data not seen, what else remains.
+
+The answer of a posterior is its most probable set, fitted, and the credible set of each of its effects.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +10,184 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gelforge.config import ConfigError
 from gelforge.config.parts.mismatch import Mismatch
-from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN
+from gelforge.mechanics.solving.equilibrium import NotConverged
+from gelforge.mismatch.evidence.gaussian import NOTHING, UNKNOWN
+from gelforge.mismatch.evidence.kernels import Kernel, kernels_of
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.refit import Refitted, refitted
 from gelforge.mismatch.evidence.screen import Screened
-from gelforge.mismatch.goodness.residual_tests import ResidualTests, residual_tests
-from gelforge.mismatch.inference.answer import Answer, explained
 from gelforge.mismatch.inference.discrepancy import Modelled, modelled
-from gelforge.mismatch.inference.posterior import Posterior, posterior_of
-from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P
-from gelforge.mismatch.terms.holdout import Blocks, split
-from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.refit import Refitted
-from gelforge.mismatch.terms.unknown import Kernel, kernels_of
-from gelforge.mismatch.terms.weighing import chance_of_known
-from gelforge.mismatch.thresholds import DETECTED_SNR, LIKELY, MOST_EFFECTS, NOTHING_P
+from gelforge.mismatch.inference.fits import (
+    at_few_sites,
+    by_columns,
+    fitted,
+    forces_of,
+    placed,
+    through_solutions,
+)
+from gelforge.mismatch.inference.holdout import Blocks, Proof, after_penalty, folds_of, proof_of, split
+from gelforge.mismatch.inference.posterior import Effects, Posterior, chance_of_known, posterior_of
+from gelforge.mismatch.inference.scan import ResidualTests, residual_tests
+from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P, SURE, Group, HeldOut
+from gelforge.mismatch.thresholds import DETECTED_SNR, LIKELY, MOST_EFFECTS, NOTHING_P, WORTH_SOLVING
 from gelforge.progress import stage
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Effects that were put into the base, and what speaks for them."""
+
+    posterior: Posterior
+    winner: Screened  # the most probable set by its linear change
+    fit: Refitted  # the same to all readings, its values with their plausible widths
+    refits: Mapping[Effects, Refitted]
+    groups: tuple[Group, ...]  # one per effect of the fit
+    after: np.ndarray  # (R, 3) [N] forces with the effects
+    adequacy: ResidualTests  # of all readings
+    proof: Proof | None  # on held-out readings; None where there are none
+    folds: Sequence[HeldOut]  # of few sites, each held out in turn
+
+    @property
+    def sure(self) -> tuple[Group, ...]:
+        """Return the groups that are claimed."""
+        return tuple(group for group in self.groups if group.probability >= SURE)
+
+    @property
+    def discrepancy_words(self) -> str:
+        """Return the kernel that a discrepancy would most probably have, in words."""
+        unknown, probability = self.posterior.unknown, self.posterior.probability
+        shares = unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].shares
+        return max(shares, key=shares.__getitem__)
+
+
+def explained(
+    problem: Problem,
+    posterior: Posterior,
+    kernels: Sequence[Kernel],
+    blocks: Blocks,
+    settings: Mismatch,
+    rng: np.random.Generator,
+) -> tuple[Answer | None, list[str]]:
+    """Return the answer to a mismatch, None where no effect could be fitted, and what went wrong on the way."""
+    if max((posterior.holding([name]) for name in posterior.singles), default=0.0) < WORTH_SOLVING:
+        problem = problem.linearised()
+    elif posterior.holding([UNKNOWN]) >= SURE:
+        # Softening explains nothing by itself then: to follow all indentations in order takes minutes and decides nothing.
+        problem = problem.with_linear_history()
+    relinearised, note = placed(problem, at_few_sites(problem))
+    if relinearised is not problem:
+        problem, posterior = relinearised, posterior_of(relinearised, kernels)
+    real = at_few_sites(problem)
+    found = fitted(real, posterior, lambda relinearised: posterior_of(relinearised, kernels))
+    notes, mode = [*found.notes, *([note] if note else [])], found.mode
+    if mode is None:
+        return None, notes
+    problem, posterior = found.problem, found.posterior
+    stage("amounts of the answer at their plausible widths")
+    fit, note = _at_prior_sd(real, problem, posterior.sets[mode], found.fits[mode])
+    notes += [note] if note else []
+    after = forces_of(problem, fit)
+    left = problem.observations.flat(problem.observations.force - after)
+    uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts))
+    stage("the answer on held-out readings, and what it leaves")
+    proof = proof_of(problem, fit, left, blocks) if blocks.held_out.any() else None
+    if proof is not None:
+        proof = after_penalty(proof, problem, posterior, blocks.train)
+    return (
+        Answer(
+            posterior=posterior,
+            winner=posterior.sets[mode],
+            fit=averaged(posterior, mode, fit),
+            refits=found.fits,
+            groups=groups_of(problem, posterior, fit),
+            after=after,
+            adequacy=residual_tests(uncertain, left, settings.draws, rng, fit.columns),
+            proof=proof,
+            folds=folds_of(problem, fit, left),
+        ),
+        notes,
+    )
+
+
+def _at_prior_sd(
+    problem: Problem, relinearised: Problem, start: Screened, fit: Refitted
+) -> tuple[Refitted, str]:
+    """Return a fit once more with the priors' own widths, and why that could not be had.
+
+    A fit has the scale of plausible values that had most evidence; once its effects are known that scale has no say. What
+    has a place goes on to where the real model fits best, unless it was placed before (`placed`): between places that were
+    tried its columns are but interpolated.
+    """
+    parts = tuple(replace(part, prior_sd=relinearised.tried(part).prior_sd) for part in fit.parts)
+    again = replace(start, parts=parts, amounts=np.concatenate(fit.amounts))
+    try:
+        if any(part.moved_from is not None and relinearised.tried(part).moved_from is None for part in parts):
+            every = np.ones(len(problem.labels), bool)
+            return refitted(
+                replace(relinearised, forces_with=problem.with_linear_history().forces_with),
+                again,
+                every,
+                placing=True,
+            ), ""
+        if problem.path_dependent(parts):
+            return by_columns(relinearised, again), ""
+        return through_solutions(problem, relinearised, again)[0], ""
+    except (NotConverged, ConfigError) as failure:
+        return (
+            fit,
+            f"parameter values have the prior scale of most evidence: with plausible standard deviations {failure}",
+        )
+
+
+def averaged(posterior: Posterior, mode: Effects, fit: Refitted) -> Refitted:
+    """Return a fit whose covariance holds what other sets with the same effects say of their values.
+
+    The values stay those of the fit, which the study takes over. Where a place was fitted nothing is added.
+    """
+    spread, at = fit.spread.copy(), 0
+    values = {effects: one.by_name for effects, one in posterior.sets.items()}
+    for part, amounts in zip(fit.parts, fit.amounts):
+        rows = slice(at, at + len(amounts))
+        at += len(amounts)
+        if not (part.binary or part.moved_from is not None):
+            others = [effects for effects in posterior.sets if part.name in effects]
+            chance = np.array([posterior.probability[effects] for effects in others])[:, None]
+            steps = np.array([values[one][part.name] - values[mode][part.name] for one in others])
+            spread[rows, rows] += steps.T @ (chance * steps) / max(chance.sum(), np.finfo(float).tiny)
+    return replace(fit, spread=spread)
+
+
+def groups_of(problem: Problem, posterior: Posterior, fit: Refitted) -> tuple[Group, ...]:
+    """Return the credible set of each fitted effect, the most probable first."""
+    effects, groups = frozenset(part.name for part in fit.parts), []
+    for one in posterior.credible_sets(effects):
+        first, *others = one.names
+        differs = [_difference(problem, posterior, effects, first, other) for other in others]
+        if differs:
+            snr, size = np.max(differs, axis=0).tolist()
+            words = problem.effects[first].separated_by
+            one = one.model_copy(update={"differs_snr": snr, "differs_N": size, "decided_by": words})
+        groups.append(one)
+    return tuple(groups)
+
+
+def _difference(
+    problem: Problem, posterior: Posterior, effects: Effects, name: str, other: str
+) -> tuple[float, float]:
+    """Return by how much readings differ between an answer and the same with another effect in place of one of it.
+
+    Signal over noise, and root mean square [N], by linear changes. Sets that were not weighed are compared alone.
+    """
+    own, instead = posterior.sets.get(effects), posterior.sets.get(effects - {name} | {other})
+    if own is None or instead is None:
+        own, instead = posterior.singles[name], posterior.singles[other]
+    difference = own.change - instead.change
+    return (
+        float(np.linalg.norm(problem.covariance.whiten(difference))),
+        float(np.sqrt(np.mean(difference[problem.of_force] ** 2))),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +224,10 @@ def judge(problem: Problem, settings: Mismatch, seed: int) -> Judgement:
     training readings alone predict those held out.
     """
     labels, rng = problem.labels, np.random.default_rng([seed, 5])
-    blocks, every = split(labels, seed), np.ones(len(labels), bool)
+    blocks = split(labels, seed)
     kernels = kernels_of(problem)
     stage("size and place of the mismatch")
-    mismatch = residual_tests(problem, problem.residual, every, settings, rng)
+    mismatch = residual_tests(problem, problem.residual, settings.draws, rng)
     stage("evidence of sets of effects")
     posterior = posterior_of(problem, kernels)
     unknown = posterior.unknown[NOTHING]
@@ -110,12 +276,12 @@ def _modelled(
         more, own = np.linalg.norm(both, axis=0)
         if more < own or beside.sure:
             model = beside
-    return model if model.gain.clear else None
+    return model if model.held.shown else None
 
 
 def _of_one_cause(model: Modelled, answer: Answer) -> bool:
     """Return whether all that an answer claims may be the cause that is modelled, in another form."""
-    return all(set(model.form_of) & {*group.names} for group in answer.sure)
+    return all(set(model.kernel.form_of) & {*group.names} for group in answer.sure)
 
 
 def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | None) -> Answer | None:
@@ -163,5 +329,5 @@ def _state(answer: Answer | None, out: bool, model: Modelled | None) -> str:
         return "identified"
     if model is not None or not adequate or answer.posterior.holding([UNKNOWN]) > LIKELY:
         return "unexplained"
-    leading = max(answer.groups, key=lambda group: group.set_probability)
+    leading = max(answer.groups, key=lambda group: group.chance)
     return "ambiguous" if len(leading.names) <= MOST_EFFECTS else "inconclusive"

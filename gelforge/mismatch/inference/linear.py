@@ -15,9 +15,7 @@ import numpy as np
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidences
 from gelforge.mismatch.evidence.screen import Candidate, whitened
-from gelforge.mismatch.thresholds import SCALES
-
-AT_ONCE = 20_000  # sets of one size
+from gelforge.mismatch.thresholds import OBSERVABLE_SNR, SCALES
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +61,22 @@ class Linear:
         """Return how many columns (C,) each candidate has."""
         return np.bincount(self.owner, minlength=len(self.candidates))
 
+    @cached_property
+    def choices(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return candidate (K,) and scale (K,) of all choices that the readings show: one per scale, of a switch one."""
+        squares = np.bincount(self.owner, np.diag(self.gram), len(self.candidates))
+        scales = [(1.0,) if on else SCALES for on in self.binary]
+        number = np.repeat(np.arange(len(scales)), [len(own) for own in scales])
+        shown = (np.sqrt(squares) > OBSERVABLE_SNR)[number]
+        return number[shown], np.concatenate(scales)[shown]
+
     def log_bayes_factors(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Return the log evidence (m,) against none of sets (m, k) of candidates at scales (m, k), 1 for switches."""
         found = np.empty(len(sets))
         kinds = np.stack([self.count[sets], self.binary[sets]], axis=-1).reshape(len(sets), -1)
         for kind in np.unique(kinds, axis=0):
             rows = np.flatnonzero((kinds == kind).all(axis=1))
-            for part in np.array_split(rows, max(1, len(rows) // AT_ONCE)):
+            for part in np.array_split(rows, max(1, len(rows) // 20_000)):
                 found[part] = self._alike(sets[part], scales[part])
         return found
 
@@ -98,10 +105,3 @@ class Linear:
     def _columns_of(self, candidates: np.ndarray) -> np.ndarray:
         """Return the columns (m, p) of candidates (m,) that have as many each."""
         return self.first[candidates][:, None] + np.arange(self.count[candidates[0]])
-
-
-def scales_of(linear: Linear) -> tuple[np.ndarray, np.ndarray]:
-    """Return candidates (K,) and scales (K,) of all choices: a switch has one, all others one per scale."""
-    number = np.concatenate([np.full(1 if on else len(SCALES), k) for k, on in enumerate(linear.binary)])
-    scale = np.concatenate([(1.0,) if on else SCALES for on in linear.binary])
-    return number, scale

@@ -12,22 +12,25 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN, log_prior, normalised
+from gelforge.mismatch.evidence.gaussian import NOTHING, UNKNOWN, log_prior, normalised
 from gelforge.mismatch.evidence.identifiability import indistinguishable
-from gelforge.mismatch.evidence.screen import Screened, judged_under
-from gelforge.mismatch.inference.linear import Linear, scales_of
-from gelforge.mismatch.terms.problem import Problem
-from gelforge.mismatch.terms.unknown import Kernel, Weighed, weighed_unknown
-from gelforge.mismatch.terms.weighing import observable_ones, weighed, with_form_errors
+from gelforge.mismatch.evidence.kernels import Kernel, Weighed, weighed_unknown
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.screen import Screened, chance_of, judged_under, screened
+from gelforge.mismatch.inference.linear import Linear
+from gelforge.mismatch.result.verdict import Group
 from gelforge.mismatch.thresholds import (
     BEAM,
     BESIDE,
     CREDIBLE,
+    FORM_ERRORS,
     MOST_WITH_ERROR,
+    NOTICED,
     OBSERVABLE_SNR,
     REACH,
     TEMPERING,
@@ -35,26 +38,6 @@ from gelforge.mismatch.thresholds import (
 from gelforge.progress import Progress
 
 Effects = frozenset[str]
-
-
-@dataclass(frozen=True)
-class CredibleSet:
-    """The smallest set of effects that holds CREDIBLE of the probability of one acting effect."""
-
-    members: tuple[str, ...]  # the effect, then those of its line: the same sensitivities
-    alternatives: tuple[str, ...]  # other effects, the most probable first
-    probability: float  # that a member is there
-    set_probability: float  # that an effect of the set is there
-    shares: Mapping[str, float]  # of each effect in the set; they add up to 1
-    differs_snr: float = (
-        0.0  # largest difference between the readings that its effects predict, signal over noise
-    )
-    differs_N: float = 0.0  # the same, root mean square over readings [N]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Return the whole set."""
-        return (*self.members, *self.alternatives)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +93,7 @@ class Posterior:
     @cached_property
     def causes(self) -> dict[str, float]:
         """Return the probability of each kernel, in words, or of its cause in the catalogue's form and nothing unknown."""
-        forms = self.unknown[NOTHING].forms
+        forms = {kernel.words: kernel.form_of for kernel in self.unknown[NOTHING].kernels}
         known = [effects for effects in self.probability if UNKNOWN not in effects]
         return {
             words: min(p + sum(self.probability[e] for e in known if e & set(forms[words])), 1.0)
@@ -121,18 +104,18 @@ class Posterior:
         """Return the lines of a set's effects."""
         return frozenset(self.lines.get(name, frozenset({name})) for name in effects)
 
-    def credible_sets(self, effects: Effects) -> list[CredibleSet]:
+    def credible_sets(self, effects: Effects) -> list[Group]:
         """Return the credible set of each effect of a set, the most probable first.
 
         An effect of another one's set acts beside this one, and not in its place.
         """
-        found: list[CredibleSet] = []
+        found: list[Group] = []
         for name in sorted(effects, key=lambda one: (-self.holding([one]), one)):
             elsewhere = (effects - {name}).union(*(one.names for one in found))
             found.append(self._credible_set(name, elsewhere))
         return found
 
-    def _credible_set(self, name: str, elsewhere: Effects) -> CredibleSet:
+    def _credible_set(self, name: str, elsewhere: Effects) -> Group:
         """Return the smallest set of effects, `name` first, that holds CREDIBLE of its probability.
 
         Effects are added one by one, always the one that adds most.
@@ -146,9 +129,9 @@ class Posterior:
         others = sorted(found[1:], key=lambda one: -chance[one])
         line = self.lines.get(name, frozenset({name}))
         total = max(sum(chance.values()), np.finfo(float).tiny)
-        return CredibleSet(
-            members=(name, *(one for one in others if one in line)),
-            alternatives=tuple(one for one in others if one not in line),
+        return Group(
+            members=[name, *(one for one in others if one in line)],
+            alternatives=[one for one in others if one not in line],
             probability=self.holding(line & set(found)),
             set_probability=self.holding(found),
             shares={one: own / total for one, own in chance.items()},
@@ -158,12 +141,13 @@ class Posterior:
 def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
     """Return the posterior by all readings."""
     with Progress("linear pass over sets of effects, steps", 4) as progress:
-        singles = {one.name: one for one in observable_ones(weighed(problem))}
+        # What the readings cannot show has evidence 0, which is none and would win over what they refute.
+        singles = {one.name: one for one in weighed(problem) if one.plausible_snr > OBSERVABLE_SNR}
         progress.advance(note="single effects")
         linear = Linear.of(problem.residual, problem.covariance, problem.candidates)
-        tables, number, scale = set_tables(linear)
+        tables = set_tables(linear)
         progress.advance(note="pairs and triples")
-        sets = _with_error(problem, number, scale, tables, len(singles))
+        sets = _with_error(problem, tables, len(singles))
         progress.advance(note="errors of their changes")
         evidence = {effects: one.log_bayes_factor for effects, one in sets.items()}
         lines = indistinguishable(problem.covariance, singles)
@@ -176,10 +160,7 @@ def with_unknown(problem: Problem, posterior: Posterior, kernels: Sequence[Kerne
     """Return the posterior with a discrepancy, alone and beside the best sets, by their linear changes."""
     unknown = {NOTHING: weighed_unknown(problem, kernels)}
     for effects in posterior.ranked()[:BESIDE]:
-        one = posterior.sets[effects]
-        unknown[effects] = weighed_unknown(
-            problem, kernels, one.parts, one.amounts, problem.residual - one.change
-        )
+        unknown[effects] = weighed_unknown(problem, kernels, posterior.sets[effects])
     more = {
         effects | {UNKNOWN}: posterior.evidence.get(effects, 0.0) + found.log_bayes_factor
         for effects, found in unknown.items()
@@ -187,55 +168,50 @@ def with_unknown(problem: Problem, posterior: Posterior, kernels: Sequence[Kerne
     return replace(posterior, unknown=unknown, evidence={**posterior.evidence, **more})
 
 
-def set_tables(linear: Linear) -> tuple[list, np.ndarray, np.ndarray]:
-    """Return by set of effects (names, mean evidence, best evidence, best choice), and the choices' candidate and scale."""
-    names = np.array([candidate.name for candidate in linear.candidates])
-    observable = _observable(linear)
-    number, scale = scales_of(linear)
-    chosen = observable[number]
-    number, scale = number[chosen], scale[chosen]
-    own = names[number]
-    if not len(own):
-        return [], number, scale
-    singles = linear.log_bayes_factors(number[:, None], scale[:, None])
-    found = _by_effects(own[:, None], np.arange(len(own))[:, None], singles)
-    i, j = np.triu_indices(len(number), 1)
-    placed = np.array(["x_mm" in linear.candidates[k].shape for k in number])
-    other = (own[i] != own[j]) & ~(placed[i] & placed[j])
-    i, j = i[other], j[other]
-    if not len(i):
-        return found, number, scale
-    pairs = linear.log_bayes_factors(np.stack([number[i], number[j]], 1), np.stack([scale[i], scale[j]], 1))
-    two = _by_effects(np.stack([own[i], own[j]], 1), np.stack([i, j], 1), pairs)
-    three: dict[Effects, tuple] = {}
-    for effects, average, top, best in sorted(two, key=lambda one: -one[1])[:BEAM]:
-        third = np.flatnonzero(~np.isin(own, list(effects)) & ~(placed & placed[best].any()))
+class Best(NamedTuple):
+    """Log evidence of a set of effects, averaged over choices of shapes and scales and at the best one, and that choice."""
+
+    effects: Effects
+    average: float
+    best: float
+    number: np.ndarray  # (k,) of the candidates
+    scale: np.ndarray  # (k,)
+
+
+def set_tables(linear: Linear) -> list[Best]:
+    """Return the evidence of every effect, of every pair, and of triples that extend the best pairs."""
+    number, scale = linear.choices
+    if not len(number):
+        return []
+    found = _by_effects(linear, number[:, None], scale[:, None])
+    names = np.array([candidate.name for candidate in linear.candidates])[number]
+    located = np.array(["x_mm" in candidate.shape for candidate in linear.candidates])
+    placed, pairs = located[number], np.column_stack(np.triu_indices(len(number), 1))
+    pairs = pairs[(names[pairs[:, 0]] != names[pairs[:, 1]]) & ~placed[pairs].all(axis=1)]
+    if not len(pairs):
+        return found
+    two = _by_effects(linear, number[pairs], scale[pairs])
+    three: dict[Effects, Best] = {}
+    for pair in sorted(two, key=lambda one: -one.average)[:BEAM]:
+        third = np.flatnonzero(~np.isin(names, list(pair.effects)) & ~(placed & located[pair.number].any()))
         if not len(third):
             continue
-        rows = np.column_stack([np.tile(best, (len(third), 1)), third])
-        triples = linear.log_bayes_factors(number[rows], scale[rows])
+        numbers, scales = (
+            np.column_stack([np.tile(own, (len(third), 1)), every[third]])
+            for own, every in ((pair.number, number), (pair.scale, scale))
+        )
         # The choice of the two's shapes and scales is paid for once.
-        for one in _by_effects(own[rows], rows, triples + average - top):
-            if one[0] not in three or three[one[0]][1] < one[1]:
-                three[one[0]] = one
-    return [*found, *two, *three.values()], number, scale
+        for one in _by_effects(linear, numbers, scales, pair.average - pair.best):
+            if one.effects not in three or three[one.effects].average < one.average:
+                three[one.effects] = one
+    return [*found, *two, *three.values()]
 
 
-def _observable(linear: Linear) -> np.ndarray:
-    """Return which candidates (C,) bool show a plausible value in the readings."""
-    squares = np.bincount(linear.owner, np.diag(linear.gram), len(linear.candidates))
-    return np.sqrt(squares) > OBSERVABLE_SNR
-
-
-def _by_effects(
-    own: np.ndarray, choices: np.ndarray, factors: np.ndarray
-) -> list[tuple[Effects, float, float, np.ndarray]]:
-    """Return by set of effects the mean evidence, that of the best choice, and that choice.
-
-    own (m, k): names; choices (m, k): numbers of choices; factors (m,).
-    """
-    words, codes = np.unique(own, return_inverse=True)
-    kinds, which = np.unique(np.sort(codes.reshape(own.shape), axis=1), axis=0, return_inverse=True)
+def _by_effects(linear: Linear, number: np.ndarray, scale: np.ndarray, more: float = 0.0) -> list[Best]:
+    """Return sets of effects by choices of candidates (m, k) at scales (m, k), whose log evidence is larger by more."""
+    factors = linear.log_bayes_factors(number, scale) + more
+    words, codes = np.unique([candidate.name for candidate in linear.candidates], return_inverse=True)
+    kinds, which = np.unique(np.sort(codes[number], axis=1), axis=0, return_inverse=True)
     order = np.argsort(which.ravel(), kind="stable")
     ends = np.searchsorted(which.ravel()[order], np.arange(len(kinds) + 1))
     found = []
@@ -244,30 +220,79 @@ def _by_effects(
         best = rows[np.argmax(factors[rows])]
         average = float(logsumexp(factors[rows]) - np.log(len(rows)))
         effects = frozenset(str(words[code]) for code in kind)
-        found.append((effects, average, float(factors[best]), choices[best]))
+        found.append(Best(effects, average, float(factors[best]), number[best], scale[best]))
     return found
 
 
-def _with_error(
-    problem: Problem, number: np.ndarray, scale: np.ndarray, tables: list, known: int
-) -> dict[Effects, Screened]:
+def _with_error(problem: Problem, tables: Sequence[Best], known: int) -> dict[Effects, Screened]:
     """Return the sets within REACH of the best, and their parts, judged with errors of their changes."""
 
-    def weight(one) -> float:
-        return one[1] + log_prior(len(one[0]), max(known, len(one[0])))
+    def weight(one: Best) -> float:
+        return one.average + log_prior(len(one.effects), max(known, len(one.effects)))
 
     ranked = sorted(tables, key=lambda one: -weight(one))
     near = [one for one in ranked[:MOST_WITH_ERROR] if weight(one) >= weight(ranked[0]) - REACH]
     # The largest effect of a set is fitted alone before the set is (fits.py).
-    reached = {one[0] for one in near}
-    near += [one for one in ranked if one[0] not in reached and any(one[0] < other for other in reached)]
+    reached = {one.effects for one in near}
+    near += [
+        one for one in ranked if one.effects not in reached and any(one.effects < other for other in reached)
+    ]
     found = {}
-    for effects, average, _, choice in near:
-        candidates = [problem.candidates[number[k]] for k in choice]
+    for one in near:
         parts = tuple(
-            c if c.binary else replace(c, prior_sd=scale[k] * np.asarray(c.prior_sd))
-            for k, c in zip(choice, candidates)
+            c if c.binary else replace(c, prior_sd=scale * np.asarray(c.prior_sd))
+            for c, scale in zip((problem.candidates[k] for k in one.number), one.scale)
         )
         judged = judged_under(problem.covariance, problem.residual, parts)
-        found[effects] = with_form_errors(problem, replace(judged, log_bayes_factor=average))
+        found[one.effects] = with_form_errors(problem, replace(judged, log_bayes_factor=one.average))
     return found
+
+
+def chance_of_known(problem: Problem) -> float:
+    """Return the bound on the probability of as much evidence for the known effects by chance.
+
+    All readings are asked, and all effects are as likely: the mean of their Bayes factors against none. Those that the
+    readings cannot show are among them, as which these are depends on the readings.
+    """
+    factors = [
+        one.log_bayes_factor for one in screened(problem.residual, problem.covariance, problem.candidates)
+    ]
+    return chance_of(float(logsumexp(factors) - np.log(len(factors)))) if factors else 1.0
+
+
+def weighed(problem: Problem) -> list[Screened]:
+    """Return effects judged alone by all readings, best first, errors of their own changes included."""
+    again = []
+    for judged in screened(problem.residual, problem.covariance, problem.candidates):
+        if max(map(problem.error_of, judged.parts)) * judged.snr > NOTICED:
+            judged = with_form_errors(problem, judged)
+        again.append(judged)
+    return sorted(again, key=lambda judged: -judged.log_bayes_factor)
+
+
+def with_form_errors(problem: Problem, judged: Screened) -> Screened:
+    """Return a set judged with the errors of its own change, at the best of FORM_ERRORS.
+
+    Its evidence is averaged over these. Judged without errors, at its best shapes and scales; the others are taken to
+    follow.
+    """
+    residual, exact = problem.residual, problem.covariance
+    found = []
+    for error in FORM_ERRORS:
+        parts = tuple(replace(part, form_error=error) for part in judged.parts)
+        wider = problem.with_model_error(parts, judged.amounts).covariance
+        again = judged_under(wider, residual, parts)
+        more = again.log_bayes_factor - judged.best_log_bayes_factor
+        more += wider.log_density(residual) - exact.log_density(residual)
+        found.append(
+            replace(
+                again,
+                log_bayes_factor=judged.log_bayes_factor + more,
+                best_log_bayes_factor=judged.best_log_bayes_factor + more,
+                snr=float(np.linalg.norm(exact.whiten(again.change))),
+                plausible_snr=judged.plausible_snr,
+            )
+        )
+    factors = [one.log_bayes_factor for one in found]
+    best = found[int(np.argmax(factors))]
+    return replace(best, log_bayes_factor=float(logsumexp(factors) - np.log(len(factors))))

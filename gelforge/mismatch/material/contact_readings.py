@@ -9,7 +9,7 @@ from gelforge.materials.basis.common_form import ForcePair, IndentationTest
 from gelforge.materials.basis.statistics import row_noise
 from gelforge.materials.small_tests.microindentation import contact_point
 from gelforge.materials.small_tests.trials import from_rest, pressed_rows
-from gelforge.mismatch.material.material_effects import factor, softenings
+from gelforge.mismatch.material.material_effects import decades, factor, lost, relaxations, softenings
 from gelforge.mismatch.material.material_readings import (
     FORCE_CLASS,
     Change,
@@ -20,17 +20,11 @@ from gelforge.mismatch.material.material_readings import (
     misfit_covariance,
     reduced,
 )
-from gelforge.mismatch.material.relaxation import decades, lost, relaxations
 from gelforge.mismatch.model.effect import Parameter
 
-ROWS_OF_SEGMENT = 60
-NEAR = 8.0  # largest depths: rows farther from the sample than that only give the zero
 BASELINE = 0.01  # of the largest push: an optical lever's zero moves by as much between ways
 CONTACT = 0.02  # of the largest depth: the touch that Hertz's fit finds
-ROWS_OF_WAY = 8  # of an indentation between load cells, during its unloading and loading
-HEIGHTS = 16  # at which the ball may come free
 UNDER_LOAD = 0.05  # of the largest force
-UNSYNCHRONISED = 0.5  # readings
 CALIBRATED = "load cells are calibrated to 1 to 2 %, a moment or a bypass changes it by some more"
 
 
@@ -51,9 +45,10 @@ def press_readings(press: IndentationTest) -> Readings:
     time = np.asarray(press.time_s, dtype=float) if timed else np.arange(len(d), dtype=float)
     groups, segment = [], []
     for number, (name, kind) in enumerate(zip(names, kinds)):
-        own = np.flatnonzero((press.segment == name) & (d > -NEAR * deepest))
+        # rows farther from the sample only give the zero
+        own = np.flatnonzero((press.segment == name) & (d > -8 * deepest))
         along = time[own] if kind == "hold" else np.arcsinh(8 * d[own] / deepest)
-        groups += (found := binned(along, own, ROWS_OF_SEGMENT))
+        groups += (found := binned(along, own, 60))
         segment += [number] * len(found)
     table = reduced(groups, segment, at=d, share=d / deepest, time_s=time).assign(
         branch=np.array(kinds)[segment],
@@ -131,7 +126,7 @@ def _adhesions(d: np.ndarray, last: np.ndarray, groups, deepest: float, push: fl
     pull, turn = Parameter("pull_off", "N", push, (0.0, 20 * push), why), float(d[last].max())
     # none where the record ends before the ball is back at the surface
     above = max(-float(d[last].min()), 0.0)
-    heights = deepest * np.sinh(np.linspace(0, np.arcsinh(8 * above / deepest), HEIGHTS)) / 8
+    heights = deepest * np.sinh(np.linspace(0, np.arcsinh(8 * above / deepest), 16)) / 8
     found = []
     for way in (0.5 * deepest, 2.0 * deepest):
         for height in np.unique(heights):
@@ -153,7 +148,7 @@ def pair_readings(pair: ForcePair) -> Readings:
     for number, (place, rows) in enumerate(pressed_rows(pair), start=1):
         top = rows.start + int(np.argmax(mean[rows])) + 1
         for branch, own in (("load", np.arange(rows.start, top)), ("unload", np.arange(top, rows.stop))):
-            groups += (found := binned(mean[own], own, ROWS_OF_WAY, 0.0))
+            groups += (found := binned(mean[own], own, 8, 0.0))
             segment += [(number, branch)] * len(found)
             parts += [(branch, f"indentation {number}", place)] * len(found)
     if len(groups) < 10:
@@ -172,7 +167,7 @@ def pair_readings(pair: ForcePair) -> Readings:
     C += (UNDER_LOAD * largest) ** 2 * alike(table["place"])
     per_row = means(groups, np.gradient(one))  # [N] from one reading to the next
     # load cells that are not read at one instant: either value may be up to a reading old, now more and now less
-    C += UNSYNCHRONISED**2 * (np.diag(per_row**2) + np.outer(per_row, per_row))
+    C += 0.5**2 * (np.diag(per_row**2) + np.outer(per_row, per_row))
     said: tuple[str, ...] = ()
     if pair.time_s is not None and (np.diff(pair.time_s) == 0).mean() > 0.5:
         said = (

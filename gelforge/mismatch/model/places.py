@@ -10,8 +10,7 @@ import numpy as np
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Context, Shape
 
 RADIUS = "radius_mm"
 AXES = ("x_mm", "y_mm", "z_mm", RADIUS)  # of a place: its size is one

@@ -9,8 +9,7 @@ import numpy as np
 from gelforge.config import Effects, Mechanics, Study, changed_study
 from gelforge.indentation.effects.catalogue import CATALOGUE, Place, gel_layers, with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
-from gelforge.mismatch.model.context import Context
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 from gelforge.mismatch.model.places import FirstOrder
 
 LARGEST_MOVE = 0.3  # [mm]; beside a wall the pull sets in within half a millimetre
@@ -19,31 +18,36 @@ FAR_OUT = 0.3  # of the sensor's width from its middle: where the outermost inde
 
 def solved(
     name: str,
-    parameter: str,
+    parameters: str | tuple[str, ...],
     bounds: tuple[float, float],
     source: str,
-    present: Callable[[Study], float] | None = None,
+    present: Callable[[Study], Any] | None = None,
     closed: bool = False,
     directed: bool = False,
     scanned: Callable[[Study], list[Shape]] | None = None,
+    keys: Callable[[Study, list[float]], dict] | None = None,
     **fields,
 ) -> Effect:
-    """Return an effect with one parameter that the catalogue of the finite elements adds to a study.
+    """Return an effect that the catalogue of the finite elements adds to a study.
 
     Parameters
     ----------
     name : str
         Of the catalogue's entry: it gives unit, plausible width, family and keys.
-    parameter, bounds, source : str, pair of float, str
-        Of the parameter (see `Parameter`).
+    parameters : str or tuple of str
+        One parameter, or one for each of two directions.
+    bounds, source : pair of float, str
+        Of each parameter (see `Parameter`).
     present : callable, optional
-        What a study has of it already, for entries that replace a number.
+        What a study has of it already, for entries that replace a number, or two.
     closed : bool
         Whether a bound is physical: beyond it more changes nothing.
     directed : bool
         Whether it has a place, a direction or an order, so that indentations of a square have no mirror images.
     scanned : callable, optional
         The shapes that are tried, each with a derivative of its own.
+    keys : callable, optional
+        Of two directions: the keys of mechanics.effects that two numbers set.
     **fields
         Of the Effect, in place of those that follow from the catalogue.
 
@@ -51,53 +55,27 @@ def solved(
     -------
     Effect
     """
-    entry = CATALOGUE[name]
+    entry, names = CATALOGUE[name], (parameters,) if isinstance(parameters, str) else parameters
     limit = bounds if closed else (-np.inf, np.inf)
 
     def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-        (a,) = amounts
-        if a == 0 and not entry.mesh_changes:
+        if not any(amounts) and (keys or not entry.mesh_changes):
             return study
-        a = float(np.clip(a + (present(study) if present else 0.0), *limit))
+        values = np.clip(np.add(amounts, present(study) if present else 0.0), *limit).tolist()
+        if keys:
+            return with_keys(unmirrored(study), **keys(study, values))
         place = Place(**{axis: float(value) for axis, value in shape.items()}) if "x_mm" in shape else None
-        return entry(unmirrored(study) if directed else study, a, place)
+        return entry(unmirrored(study) if directed else study, values[0], place)
 
     scan = {"shapes": lambda context: scanned(context.study)} if scanned else {}
     about = {
-        "parameters": (Parameter(parameter, entry.unit, entry.width, bounds, source, closed=closed),),
+        "parameters": tuple(
+            Parameter(p, entry.unit, entry.width, bounds, source, closed=closed) for p in names
+        ),
         "to_study": to_study,
-        "to_forces": FirstOrder(name, scanned=scanned),
+        "to_forces": FirstOrder(name, names if keys else (), scanned),
     }
     return Effect(**_of_entry(name) | about | scan | fields)
-
-
-def solved_pair(
-    name: str,
-    parameters: tuple[str, str],
-    bounds: tuple[float, float],
-    source: str,
-    present: Callable[[Study], Any],
-    keys: Callable[[Study, list[float]], dict],
-    **fields,
-) -> Effect:
-    """Return an effect with two directions.
-
-    present gives the two numbers that a study has; keys the keys of mechanics.effects with two others.
-    """
-    entry = CATALOGUE[name]
-
-    def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-        if not any(amounts):
-            return study
-        both = [float(has + a) for has, a in zip(present(study), amounts, strict=True)]
-        return with_keys(unmirrored(study), **keys(study, both))
-
-    about = {
-        "parameters": tuple(Parameter(one, entry.unit, entry.width, bounds, source) for one in parameters),
-        "to_study": to_study,
-        "to_forces": FirstOrder(name, parameters),
-    }
-    return Effect(**_of_entry(name) | about | fields)
 
 
 def _of_entry(name: str) -> dict:

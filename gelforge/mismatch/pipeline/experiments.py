@@ -1,28 +1,32 @@
-"""Experiments that would distinguish two surviving effects: what each would show, what it costs, and its expected odds."""
+"""Experimental design: what a plan could detect before it is recorded, and what would distinguish surviving effects."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pandas as pd
 
-from gelforge.config import ForceSensor, Study
+from gelforge.config import ConfigError, DepthZero, ForceSensor, Study
+from gelforge.indentation.planning.plan import plan_cells
 from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.candidates import columns_of
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.identifiability import Plan, next_experiment
+from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.screen import Candidate, Screened
-from gelforge.mismatch.model.context import Context, Curves
-from gelforge.mismatch.model.effect import Parameter
-from gelforge.mismatch.readings.observations import COLUMNS, Observations
-from gelforge.mismatch.result.verdict import Amount, Experiment, NamedEffect, Verdict
-from gelforge.mismatch.terms.candidates import columns_of
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.fem.nominal import problem_of, spread
+from gelforge.mismatch.fem.solutions import Solver
+from gelforge.mismatch.model.effect import Context, Curves, Parameter
+from gelforge.mismatch.readings.errors import CONTACT_POINT_MM, depth_scatter
+from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
+from gelforge.mismatch.readings.sessions import SPEED_MM_PER_S
+from gelforge.mismatch.result.verdict import Amount, NamedEffect, Verdict
+from gelforge.mismatch.summary.findings import NINETY, limits_of
 
 CLEAR_S = 8.0  # between two indentations: the unloading, to the next position and down to the surface
-WEIGHTS_N = (0.5, 1.0, 2.0, 5.0)
+WEIGHTS_N = (0.5, 1.0, 2.0, 5.0)  # a usual set (judgement)
 WEIGHT_S = 20.0  # to put a weight on, read and take it off
-NINETY_TO_SIGMA = 2 * 1.6449
 
 
 def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Verdict:
@@ -39,9 +43,7 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
         plans = [again(problem, context, pair), weights(context.study, pair)]
         best = next_experiment(plans, *map(survivor, pair))[0]
         if best.decides:
-            about = {"words": best.name, "separates": list(names), "presses": best.presses}
-            odds = best.expected_log_odds
-            found.append(Experiment(**about, cost_s=60 * best.cost, expected_log_odds=odds))
+            found.append(best)
     found.sort(key=lambda experiment: (experiment.cost_s, -(experiment.expected_log_odds or 0.0)))
     return verdict.model_copy(update={"next_experiments": [*found, *verdict.next_experiments]})
 
@@ -117,4 +119,142 @@ def _spread(amount: Amount, parameter: Parameter) -> float:
     (low, high), value = amount.interval_90, amount.value
     ends = {*parameter.bounds, 0.0} if parameter.sign else {*parameter.bounds}
     sides = [abs(end - value) for end in (low, high) if end not in ends and low <= value <= high]
-    return 2 * max(sides) / NINETY_TO_SIGMA if sides else parameter.width
+    return max(sides) / NINETY if sides else parameter.width
+
+
+DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
+LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)  # as long as a laboratory waits at each place (judgement)
+WAYS_UP = (0.75, 0.5, 0.25)  # of the indentation's depth
+LATER_DAYS = 30.0  # when a silicone that goes on curing has changed (judgement)
+
+
+def planned_observations(
+    study: Study,
+    dwell_s: tuple[float, ...] = DWELL_S,
+    ways_up: tuple[float, ...] = (),
+    ages_days: tuple[float, ...] = (np.nan,),
+) -> Observations:
+    """Return the readings that a study's plan would give, force zero: every site to each of its depths in random order.
+
+    Noise is that of a force sensor as the session's defaults describe it, and so is what shares one depth zero; contact
+    point's scatter is the study's, or CONTACT_POINT_MM; one session for each age of the sensor.
+    """
+    cells = list(plan_cells(study).values())
+    rng, rows, time = np.random.default_rng([study.seed, 7]), [], 0.0
+    presses = [(site, depth) for site, cell in enumerate(cells) for depth in cell.depths_mm]
+    for number, age in enumerate(ages_days):
+        for order, k in enumerate(rng.permutation(len(presses))):
+            site, depth = presses[k]
+            arrive = depth / SPEED_MM_PER_S
+            course = [("load", arrive, depth), *(("dwell", arrive + s, depth) for s in dwell_s)]
+            last = course[-1][1]
+            course += [("unload", last + (1 - w) * depth / SPEED_MM_PER_S, w * depth) for w in ways_up]
+            for phase, at, d in course:
+                rows.append(
+                    (f"plan{number}", f"plan{number}/p{order:05d}", order, site, phase, time + at, at,
+                     cells[site].x_mm, cells[site].y_mm, d, depth, age, np.nan)
+                )  # fmt: skip
+            time += course[-1][1] + CLEAR_S
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    sigma = np.array(ForceSensor().resolution_N) / np.sqrt(12)
+    R = len(table)
+    press_depth, session_depth = depth_scatter(DepthZero(), study.mismatch.contact_point_scatter_mm)
+    noise = np.broadcast_to(sigma, (R, 3)).copy()
+    sites = np.array([[cell.x_mm, cell.y_mm] for cell in cells])
+    found = Observations(
+        table,
+        np.zeros((R, 3)),
+        sites,
+        noise,
+        noise / np.sqrt(3),
+        np.full(R, press_depth),
+        np.full(R, CONTACT_POINT_MM if np.isnan(session_depth) else session_depth),
+        came_along=np.concatenate([last_moves(own) for _, own in table.groupby("session", sort=False)]),
+    )
+    return spread(found, study)
+
+
+def planned_problem(solver: Solver) -> Problem:
+    """Return the problem that the readings of the study's plan would pose."""
+    return problem_of(solver, planned_observations(solver.study), recorded=False)[0]
+
+
+def limits_table(problem: Problem) -> pd.DataFrame:
+    """Return per effect and parameter the smallest value that planned readings would show, beside a plausible one."""
+    rows = [
+        (one.effect, one.parameter, one.unit, one.amount or np.inf, one.plausible, one.seen)
+        for one in limits_of(problem)
+    ]
+    columns = ["effect", "parameter", "unit", "detectable", "plausible", "plausible_amount_seen"]
+    return pd.DataFrame(rows, columns=columns).sort_values(["effect", "parameter"], ignore_index=True)
+
+
+def visibility_table(solver: Solver) -> pd.DataFrame:
+    """Return for each experiment its cost, how many values of effects it would show if plausible, and which ones newly.
+
+    Newly: beside the first, the same plan again.
+    """
+    rows, first = [], None
+    for name, observations in variants_of(solver.study).items():
+        limits = limits_table(problem_of(solver, observations, recorded=False)[0])
+        seen = limits[limits["plausible_amount_seen"]]
+        names = set(seen["effect"] + " " + seen["parameter"])
+        first = names if first is None else first
+        rows.append((name, _minutes(observations), len(names), ", ".join(sorted(names - first))))
+    return pd.DataFrame(rows, columns=["experiment", "minutes", "plausible_amounts_seen", "seen_newly"])
+
+
+def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
+    """Return for each experiment its cost and the expected log odds of the right one of two surviving effects.
+
+    Where the readings could not show enough to leave any: what each experiment would show (`visibility_table`). Raises
+    ConfigError for a verdict with nothing left to distinguish, or with effects of the camera alone.
+    """
+    effects = {effect.name: effect for effect in verdict.effects}
+    pairs = rivals(verdict)
+    if not pairs and verdict.state == "inconclusive":
+        return visibility_table(solver)
+    if not pairs:
+        raise ConfigError(
+            f"the verdict is {verdict.state} and leaves no two effects that cannot be distinguished; nothing is to"
+            " be decided"
+        )
+    seen_alone = {name for pair in pairs for name in of_camera(pair)}
+    pairs = [pair for pair in pairs if not of_camera(pair)]
+    if not pairs:
+        reported = "; ".join(f"{name}: {CATALOGUE[name].separated_by}" for name in sorted(seen_alone))
+        raise ConfigError(f"no indentation shows what the camera alone sees ({reported})")
+    plans = list(plans_of(solver, [effects[name] for pair in pairs for name in pair]))
+    rows = [
+        (f"{first} or {second}", one.words, (one.cost_s or 0.0) / 60, one.expected_log_odds, one.decides)
+        for first, second in pairs
+        for one in next_experiment(plans, survivor(effects[first]), survivor(effects[second]))
+    ]
+    columns = ["tells apart", "experiment", "minutes", "expected_log_odds", "decides"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def variants_of(study: Study) -> dict[str, Observations]:
+    """Return the readings of a study's plan as it is and in other ways, by name."""
+    return {
+        "the same plan again": planned_observations(study),
+        "the same plan, read during unloading too": planned_observations(study, ways_up=WAYS_UP),
+        f"the same plan with dwells of {LONG_DWELL_S[-1]:g} s": planned_observations(study, LONG_DWELL_S),
+        f"the same plan now and in {LATER_DAYS:g} days": planned_observations(
+            study, ages_days=(0.0, LATER_DAYS)
+        ),
+    }
+
+
+def _minutes(observations: Observations) -> float:
+    return float(observations.table["time_s"].max()) / 60
+
+
+def plans_of(solver: Solver, survivors: list[NamedEffect]) -> Iterator[Plan]:
+    """Yield the experiments that this study's sensor and stage allow."""
+    names = {effect.name for effect in survivors}
+    for name, observations in variants_of(solver.study).items():
+        problem, base = problem_of(solver, observations, recorded=False, names=names)
+        if names <= {one.name for one in problem.candidates}:
+            yield planned(name, _minutes(observations), problem, base.context, survivors)
+    yield weights(solver.study, survivors)

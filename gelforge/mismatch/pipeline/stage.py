@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,23 +14,19 @@ import pandas as pd
 from gelforge.config import ConfigError, Session, Study, load_session, write_yaml
 from gelforge.files import digest, file_sha256
 from gelforge.laws_of_study import laws_and_doubts, material_laws_of
-from gelforge.mismatch.effects import CATALOGUE, with_dependencies
-from gelforge.mismatch.evidence.covariance import readings_covariance
-from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.evidence.spread import spread_out
-from gelforge.mismatch.fem.known import with_known
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.candidates import body_map
+from gelforge.mismatch.evidence.kernels import Module
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.refit import Refitted
+from gelforge.mismatch.fem.nominal import observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.fem.solver import Amounts, Base, forces_with, read_with
-from gelforge.mismatch.fem.unsolved import base_where_solved
-from gelforge.mismatch.free_forms import changes_of, modules_of, required
-from gelforge.mismatch.goodness.spikes import without_spikes
+from gelforge.mismatch.fem.solver import Base
 from gelforge.mismatch.images.flow import force_part, with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge
+from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.pipeline.experiments import with_experiments
-from gelforge.mismatch.pipeline.patch import patch_of
-from gelforge.mismatch.readings.observations import Observations
-from gelforge.mismatch.readings.runs import DEPTH_DIGITS
-from gelforge.mismatch.readings.sessions import observe, read_all, session_folders
+from gelforge.mismatch.readings.sessions import read_all, session_folders
 from gelforge.mismatch.result.verdict import PATCH, Provenance, Verdict, versions, write_verdict
 from gelforge.mismatch.result.verdict_tables import (
     BODY_MAP,
@@ -42,19 +39,58 @@ from gelforge.mismatch.result.verdict_tables import (
     write_tables,
 )
 from gelforge.mismatch.summary.findings import limits_of, readings_table, taken_over, verdict_of
-from gelforge.mismatch.summary.flow_section import after_of, flow_section, flow_table
-from gelforge.mismatch.summary.model_section import correction_table
-from gelforge.mismatch.terms.body_map import BOX, body_map
-from gelforge.mismatch.terms.candidates import candidates_of, effects_of_forces
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.summary.sections import after_of, correction_table, flow_section, flow_table
 from gelforge.progress import stage
 from gelforge.recording.imaging.images import reference_path
 from gelforge.recording.readings import Recording
 
-IMAGES_LEFT_OUT = (
-    "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
-    " which takes longer and distinguishes gel stiffness from force gain"
-)
+
+def patch_of(
+    study: Study,
+    effects: Mapping[str, Effect],
+    fit: Refitted | None,
+    module: Module | None = None,
+    map_: pd.DataFrame | None = None,
+) -> dict[str, Any]:
+    """Return the keys that differ with the fitted effects.
+
+    What the finite elements know becomes keys of mechanics (and `plan.symmetry: none` instead of `d4`, where mirror images
+    no longer hold); what belongs to force sensor, clock or single indentations goes to mismatch.known, which the judge
+    adds to the base. The map of a module goes to mechanics where a study can have it, and nowhere else.
+    """
+    with_effects, known = study, []
+    for part, amounts in () if fit is None else zip(fit.parts, fit.amounts):
+        effect = effects[part.name]
+        if effect.to_study is not None:
+            with_effects = effect.to_study(with_effects, part.shape, tuple(amounts))
+        else:
+            values = {p.name: float(a) for p, a in zip(effect.parameters, np.asarray(amounts))}
+            known.append({"effect": part.name, "amounts": values, "shape": dict(part.shape)})
+    if module is not None and module.to_study is not None and map_ is not None:
+        with_effects = module.to_study(with_effects, map_["mean"].to_numpy())
+    changes = differences(study.model_dump(mode="json"), with_effects.model_dump(mode="json"))
+    if known:
+        changes.setdefault("mismatch", {})["known"] = [
+            *study.model_dump(mode="json")["mismatch"]["known"],
+            *known,
+        ]
+    return changes
+
+
+def differences(before: Mapping, after: Mapping) -> dict[str, Any]:
+    """Return the keys of nested mappings whose values differ, with the values after."""
+    changed = {}
+    for key, value in after.items():
+        old = before.get(key)
+        if value == old:
+            continue
+        if isinstance(value, dict) and isinstance(old, dict):
+            changed[key] = differences(old, value)
+        else:
+            changed[key] = value
+    return changed
+
+
 UNMOVED = ("force sensor", "analyst")  # families of effects that do not move the gel
 NUMBER = r"\d+(?:\.\d+)?"
 SOLUTIONS = "solves"  # folder of what is solved on the way, in the verdict's own
@@ -226,88 +262,6 @@ def write_results(
     verdict = verdict.model_copy(update={"tables": write_tables(out, tables)})
     write_verdict(out, verdict)
     return verdict
-
-
-def observations_of(recorded: Sequence[Path | Recording], study: Study) -> tuple[Observations, bool]:
-    """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic."""
-    speed = study.mechanics.effects.history.timing.speed_mm_per_s
-    recordings = read_all(recorded, study.sensor)
-    observations = observe(recordings, study.sensor, speed, study.mismatch.contact_point_scatter_mm)
-    sessions = [recording.session for recording in recordings]
-    if study.mismatch.images == "left_out" and any(session.camera for session in sessions):
-        observations = observations.saying(IMAGES_LEFT_OUT)
-    return spread(observations, study), any(session.synthetic for session in sessions)
-
-
-def spread(observations: Observations, study: Study) -> Observations:
-    """Return the observations at no more sites and depths than the study judges.
-
-    Sites are the middle, then always the farthest from those; depths are spread evenly, the deepest among them.
-    """
-    settings, sites = study.mismatch, observations.sites
-    if len(sites) > settings.sites:
-        middle = np.array([study.sensor.width_x_mm, study.sensor.width_y_mm]) / 2
-        first = int(np.argmin(np.linalg.norm(sites - middle, axis=1)))
-        observations = observations.at_sites(spread_out(sites, settings.sites, first)).saying(
-            f"of {len(sites)} positions {settings.sites}, spread over the sensor, are judged (mismatch.sites)"
-        )
-    depth = observations.table["deepest_mm"].round(DEPTH_DIGITS)
-    levels, most = np.unique(depth), settings.depths
-    if most is None or len(levels) <= most:
-        return observations
-    chosen = levels[np.round(np.linspace(0, len(levels) - 1, most)).astype(int)]
-    judged = observations.chosen(depth.isin(chosen).to_numpy())
-    return judged.at_sites(np.unique(judged.table["site"])).saying(
-        f"of indentations to {len(levels)} depths those to {most} of them are judged (mismatch.depths)"
-    )
-
-
-def problem_of(
-    solver: Solver, observations: Observations, recorded: bool = True, names: Collection[str] | None = None
-) -> tuple[Problem, Base]:
-    """Return the problem of some observations: base, covariance, and the change by every effect that applies.
-
-    recorded: False of a plan, whose forces mean nothing; names: of some effects alone.
-    """
-    effects = effects_of_forces(solver.study)
-    if names is not None:
-        effects = {name: CATALOGUE[name] for name in names}
-    asked = required(solver.study, effects.values()) if recorded else with_dependencies(effects.values())
-    stage("forces of the simulation, and how they follow the effects")
-    base = with_known(base_where_solved(solver, observations, asked), solver)
-    observations = base.context.observations
-    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
-    if recorded:
-        read = observations.read
-        observations = without_spikes(observations, base.context.force, covariance)
-        base = replace(base, context=replace(base.context, observations=observations))
-        covariance = covariance.restricted(observations.read[read])
-    failed = dict(base.failed)
-    stage("changes of the readings by each effect")
-    candidates = candidates_of(base.context, effects, failed)
-    changes = changes_of(base.context) if recorded else []
-
-    def chosen(parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> list[Amounts]:
-        return [(effects[part.name], part.shape, a) for part, a in zip(parts, amounts)]
-
-    return (
-        Problem(
-            observations,
-            base.context.force,
-            covariance,
-            candidates,
-            effects,
-            lambda parts, amounts, rows: forces_with(solver, base, chosen(parts, amounts), rows),
-            failed,
-            solver.study.mismatch.change_error,
-            [one for one in changes if one.name == BOX.name],
-            modules_of(base.context, changes) if recorded else (),
-            lambda parts, amounts, change: read_with(
-                base, chosen(parts, amounts), base.context.force + change
-            ),
-        ),
-        base,
-    )
 
 
 def _session(recorded: Path | Recording) -> Session:

@@ -139,3 +139,13 @@ def last_moves(
     sign = pd.DataFrame(np.where(within(np.abs(move), tolerance_mm), np.nan, np.sign(move)), at.index)
     last = sign.ffill().fillna(0.0).loc[table["press"]].to_numpy()
     return axes * last[:, None, :]
+
+
+def spread_out(points: np.ndarray, most: int, first: int = 0) -> np.ndarray:
+    """Return the numbers, in order, of at most so many points (S, 2): the first, then always the farthest from them."""
+    chosen = [first]
+    away = np.linalg.norm(points - points[first], axis=1)
+    while len(chosen) < min(most, len(points)):
+        chosen.append(int(np.argmax(away)))
+        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.sort(chosen)

@@ -14,10 +14,8 @@ from gelforge.indentation.paths.places import visited
 from gelforge.indentation.planning.tolerance import tolerance_of_stage_mm
 from gelforge.indentation.sensor.stage_frame import axes_of_stage
 from gelforge.input_files import another_kind
-from gelforge.mismatch.readings.contact_point import depth_scatter, with_contact_point
-from gelforge.mismatch.readings.noise import reading_noise
+from gelforge.mismatch.readings.errors import depth_scatter, reading_noise, with_contact_point, zeros_together
 from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, PLACE_DIGITS, Observations, last_moves
-from gelforge.mismatch.readings.zeros import zeros_together
 from gelforge.recording.readings import AXES, FORCE, Recording, read_recording
 from gelforge.recording.tables.checks import before_shear
 

@@ -3,7 +3,7 @@
 readings.csv    each reading and axis: measured, of the study (base), with the answer (after), held out or not
 body_map.csv    relative change of the modulus inside the body that would explain the forces
 module.csv      the map or curve of a cause with a free form, and its standard deviation
-correction.csv  a difference without a known cause, to add to the simulated force; valid within 6 mm of judged sites
+correction.csv  a difference without a known cause, to add to the simulated force at judged places and depths
 flow.csv        flow of judged images, by region: measured, of the study, with the answer
 detection_limits.csv  the smallest value of each effect that these readings would show, next to a plausible one
 """

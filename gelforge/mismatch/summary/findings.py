@@ -1,26 +1,118 @@
-"""A judgement put into the form of verdict.json and its tables."""
+"""A judgement put into the form of verdict.json and its tables: effects, fit, places, limits."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
+from scipy.stats import norm
 
 from gelforge.config import Sensor
-from gelforge.mismatch.evidence.alternatives import NOTHING, UNKNOWN
 from gelforge.mismatch.evidence.covariance import Covariance
+from gelforge.mismatch.evidence.gaussian import NOTHING, UNKNOWN
 from gelforge.mismatch.evidence.identifiability import detection_limits
-from gelforge.mismatch.goodness.residual_tests import ResidualTests
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.refit import Refitted
+from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.images.flow import force_part
-from gelforge.mismatch.inference.answer import Answer
-from gelforge.mismatch.inference.judge import Judgement
-from gelforge.mismatch.inference.proof import Proof
+from gelforge.mismatch.inference.judge import Answer, Judgement
+from gelforge.mismatch.inference.scan import ResidualTests
+from gelforge.mismatch.model.effect import Parameter
 from gelforge.mismatch.result import verdict as form
-from gelforge.mismatch.summary.effect_entries import effect_entries, group_entries
-from gelforge.mismatch.summary.model_section import model_section
+from gelforge.mismatch.summary.sections import model_section
 from gelforge.mismatch.summary.words import sentence_of, shortcomings
-from gelforge.mismatch.terms.holdout import gain
-from gelforge.mismatch.terms.problem import Problem
 from gelforge.recording.readings import AXES
+
+NEGLIGIBLE = 0.1  # probability of a credible set, below which it is not reported
+NINETY = float(norm.ppf(0.95))
+
+
+def own_values(fit: Refitted | Screened, name: str) -> tuple[Candidate, np.ndarray, np.ndarray]:
+    """Return an effect of a fitted or judged set, its values (p,) and their covariance (p, p)."""
+    k = [part.name for part in fit.parts].index(name)
+    ends = np.cumsum([0, *(part.columns.shape[1] for part in fit.parts)])
+    amounts, own = np.concatenate([np.atleast_1d(a) for a in fit.amounts]), slice(ends[k], ends[k + 1])
+    return fit.parts[k], amounts[own], fit.covariance[own, own]
+
+
+def group_entries(judgement: Judgement) -> list[form.Group]:
+    """Return the groups that a verdict reports, the most probable first; none where it has no answer."""
+    if judgement.answer is None:
+        return []
+    if judgement.model is not None and judgement.model.sure and not judgement.model.beside:
+        return []  # effects that are not sure were fitted without the cause that is
+    groups = [one for one in judgement.answer.groups if one.chance >= NEGLIGIBLE]
+    return sorted(groups, key=lambda group: -group.probability)
+
+
+def effect_entries(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
+    """Return every effect that the readings can show: those of the answer first, then the most probable.
+
+    What may stand in place of an effect of the answer has the values that it has beside the others of the answer.
+    """
+    answer, posterior = judgement.answer, judgement.posterior
+    groups = () if answer is None else answer.groups
+    leading = {group.members[0] for group in groups}
+    found = {
+        name: _of_set(judgement, frozenset({name})) or (one, one.log_bayes_factor)
+        for name, one in posterior.singles.items()
+    }
+    if answer is not None:
+        own = answer.winner.effects
+        for group in groups:
+            for name in group.names[1:]:
+                found[name] = _of_set(judgement, own - {group.members[0]} | {name}) or found[name]
+        found |= {part.name: (answer.fit, answer.posterior.evidence[own]) for part in answer.fit.parts}
+    reported = [_effect(problem, name, *both, posterior.holding([name])) for name, both in found.items()]
+    return sorted(reported, key=lambda effect: (effect.name not in leading, -effect.probability))
+
+
+def _of_set(judgement: Judgement, effects: frozenset[str]) -> tuple[Refitted | Screened, float] | None:
+    """Return a set as it was fitted, or judged to first order, and its log evidence; None where it was neither."""
+    answer, posterior = judgement.answer, judgement.posterior
+    fit = None if answer is None else answer.refits.get(effects)
+    if fit is not None:
+        return fit, posterior.evidence.get(effects, fit.log_bayes_factor)
+    judged = posterior.sets.get(effects)
+    return None if judged is None else (judged, judged.log_bayes_factor)
+
+
+def _effect(
+    problem: Problem, name: str, fit: Refitted | Screened, log_bayes_factor: float, chance: float
+) -> form.NamedEffect:
+    part, amounts, spread = own_values(fit, name)
+    effect = problem.effect_of(part)
+    return form.NamedEffect(
+        name=name,
+        family=effect.family,
+        probability=chance,
+        log_bayes_factor=float(log_bayes_factor),
+        snr=float(np.linalg.norm(problem.covariance.whiten(part.columns @ amounts))),
+        amounts=value_entries(effect.parameters, amounts, spread),
+        shape=dict(part.shape),
+        in_range=part.binary or effect.in_range(amounts),
+        refitted=isinstance(fit, Refitted),
+    )
+
+
+def value_entries(
+    parameters: Sequence[Parameter], amounts: np.ndarray, spread: np.ndarray
+) -> list[form.Amount]:
+    """Return the values (p,) of an effect, of covariance (p, p), with their 90 % intervals."""
+    sd = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    return [
+        form.Amount(name=p.name, unit=p.unit, value=float(a), interval_90=interval(p, float(a), float(s)))
+        for p, a, s in zip(parameters, amounts, sd)
+    ]
+
+
+def interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
+    """Return the 90 % interval of a value, within its physical range."""
+    low, high = parameter.bounds
+    low, high = (0.0 if parameter.sign > 0 else low), (0.0 if parameter.sign < 0 else high)
+    return tuple(np.clip([a - NINETY * sd, a + NINETY * sd], low, high).tolist())
+
 
 LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
 PLACES = 3  # patterns of the scan that are reported
@@ -38,7 +130,7 @@ def verdict_of(
     """Return the verdict of a judgement."""
     answer, mismatch, posterior = judgement.answer, judgement.mismatch, judgement.posterior
     in_newtons = force_part(problem, judgement)
-    groups = group_entries(problem, judgement)
+    groups = group_entries(judgement)
     unknown = adequacy = None
     if answer is not None:
         chance, left = posterior.holding([UNKNOWN]), answer.adequacy
@@ -155,51 +247,28 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     rest = rest_of(problem, judgement)
     held, blocks = None, []
     if model is not None and not model.beside:
-        section = model_section(problem, judgement)  # effects fitted without it are not in `after`
-        held = None if section is None else section.held_out
+        held = model.held  # effects fitted without it are not in `after`
     elif answer is not None and answer.proof is not None:
-        held = _held_out(problem, "all", answer.proof)
-        for name, mask in judgement.blocks.held.items():
-            if mask.any():
-                blocks.append(_held_out(problem, name, answer.proof, mask))
-    if answer is not None:
-        blocks += [_held_out(problem, name, proof) for name, proof in answer.folds.items()]
+        held, *blocks = answer.proof.held
     return form.Fit(
         before=form.score(problem.labels, problem.residual),
         after=None if rest is None else form.score(problem.labels, rest),
         held_out=held,
-        held_out_blocks=blocks,
-    )
-
-
-def _held_out(problem: Problem, name: str, proof: Proof, mask: np.ndarray | None = None) -> form.HeldOut:
-    """Return how base and answer predict what was held out, or one block of it, entries (n,) bool."""
-    gained = proof.gain
-    if mask is not None:
-        before, after = (proof.scores[key] for key in ("before", "after"))
-        gained = gain(before[before["block"] == name], after[after["block"] == name])
-    mask = proof.blocks.held_out if mask is None else mask
-    return form.HeldOut(
-        block=name,
-        before=form.score(problem.labels, problem.residual, mask),
-        after=form.score(problem.labels, proof.left, mask),
-        gain=gained.total,
-        standard_error=gained.standard_error,
-        selection_penalty=gained.selection_penalty,
+        held_out_blocks=[*blocks, *(() if answer is None else answer.folds)],
     )
 
 
 def limits_of(problem: Problem) -> list[form.DetectionLimit]:
     """Return the smallest value of each effect that the readings would show."""
     found = []
-    for limit in detection_limits(problem.covariance, problem.physics):
-        parameter = problem.effect_of(limit).parameters[limit.parameter]
+    for part, k, amount in detection_limits(problem.covariance, problem.physics):
+        parameter = problem.effect_of(part).parameters[k]
         found.append(
             form.DetectionLimit(
-                effect=limit.name,
+                effect=part.name,
                 parameter=parameter.name,
                 unit=parameter.unit,
-                amount=limit.amount if np.isfinite(limit.amount) else None,
+                amount=amount if np.isfinite(amount) else None,
                 plausible=parameter.width,
             )
         )

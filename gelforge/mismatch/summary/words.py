@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from gelforge.mismatch.inference.answer import Answer, Group
-from gelforge.mismatch.inference.judge import Judgement
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.inference.judge import Answer, Judgement
 from gelforge.mismatch.result import verdict as form
-from gelforge.mismatch.terms.problem import Problem
 
 MOST_CLAUSES = 2  # of a headline
 MOST_WORDS = 25  # of a headline
@@ -31,7 +30,7 @@ def _headline(problem: Problem, judgement: Judgement, brief: bool) -> str:
     if state == "unexplained":
         return f"Readings differ, and no known cause explains it: {_why_unexplained(judgement)}."
     assert answer is not None  # of the two states that are left
-    leading = max(answer.groups, key=lambda group: group.set_probability)
+    leading = max(answer.groups, key=lambda group: group.chance)
     count, clause = len(leading.names), _clause(problem, answer, leading, brief)
     if state == "inconclusive":
         return f"Simulation and readings differ; these readings leave {count} causes, most probably {clause}."
@@ -58,7 +57,7 @@ def _identified(problem: Problem, judgement: Judgement, brief: bool) -> str:
     return f"{left_out}{said}{more} (probability {min(chance for _, chance in claims):.2f})."
 
 
-def _clause(problem: Problem, answer: Answer, group: Group, brief: bool) -> str:
+def _clause(problem: Problem, answer: Answer, group: form.Group, brief: bool) -> str:
     """Return what an effect of the answer means at its value, or its name, and whether its line has others."""
     k = [part.name for part in answer.fit.parts].index(group.members[0])
     part, amounts = answer.fit.parts[k], answer.fit.amounts[k]
@@ -81,7 +80,7 @@ def _capital(text: str) -> str:
 def _why_unexplained(judgement: Judgement) -> str:
     """Return why the best answer is none."""
     if judgement.model is not None:
-        return f"a change of {judgement.model.kernel} predicts held-out readings"
+        return f"a change of {judgement.model.kernel.words} predicts held-out readings"
     if judgement.answer is None:
         return "no effect is probable enough, or none could be fitted"
     if judgement.out_of_range:

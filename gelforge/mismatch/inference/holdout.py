@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.covariance import Covariance
-from gelforge.mismatch.result.verdict import shown
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.refit import Refitted
+from gelforge.mismatch.evidence.screen import Screened, judged_under
+from gelforge.mismatch.inference.posterior import Posterior
+from gelforge.mismatch.result.verdict import HeldOut, score
 from gelforge.mismatch.thresholds import FEW_SITES, HELD_OUT
 
 
@@ -25,22 +29,6 @@ class Blocks:
     def held_out(self) -> np.ndarray:
         """Return (n,) bool: what was held out, for whatever reason."""
         return ~self.train
-
-
-@dataclass(frozen=True)
-class Gain:
-    """Gain in predictive log score over all that was held out."""
-
-    total: float
-    standard_error: float  # that noise gives it
-    blocks: int
-    # What is taken from it as what was held out helped to choose the answer, 0 or less.
-    selection_penalty: float = 0.0
-
-    @property
-    def clear(self) -> bool:
-        """Return whether the gain is more than chance."""
-        return shown(self.total + self.selection_penalty, self.standard_error)
 
 
 def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
@@ -117,15 +105,47 @@ def predictive_scores(
     return pd.DataFrame(rows, columns=["block", "site", "entries", "score", "apart"])
 
 
-def gain(before: pd.DataFrame, after: pd.DataFrame) -> Gain:
-    """Return the gain of scores `after` over `before` of the same blocks, its standard error that which noise gives it.
+def gain(before: pd.DataFrame, after: pd.DataFrame) -> tuple[float, float]:
+    """Return the gain of scores `after` over `before` of the same blocks, and its standard error, which noise gives it.
 
     `before` is that of the change between the two, `after` has the uncertainty of its values.
     Not from the scatter of the blocks' gains: an effect that sits at one place gains at few of them.
     """
     total = float((after["score"] - before["score"]).sum())
     apart = before["apart"].sum() + after["apart"].sum()
-    return Gain(total, float(np.sqrt(max(apart, 0.0))), len(after))
+    return total, float(np.sqrt(max(apart, 0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a model fitted to the training readings leaves of all, and how well its values are known."""
+
+    left: np.ndarray  # (n,) [N]
+    covariance: Covariance
+    columns: np.ndarray | None = None  # (n, p) per unit of its values; None: it has none
+    spread: np.ndarray | None = None  # (p, p) of the values
+
+
+def held_out_of(problem: Problem, blocks: Blocks, before: Prediction, after: Prediction) -> list[HeldOut]:
+    """Return how two predictions meet what was held out: all of it, then block by block. Errors are those of the forces."""
+    labels, change = problem.labels, before.left - after.left
+    scores = [
+        predictive_scores(
+            before.left, before.covariance, blocks, labels, before.columns, before.spread, change
+        ),
+        predictive_scores(after.left, after.covariance, blocks, labels, after.columns, after.spread),
+    ]
+    found = []
+    for name, mask in {"all": blocks.held_out, **blocks.held}.items():
+        if not mask.any():
+            continue
+        own = [one if name == "all" else one[one["block"] == name] for one in scores]
+        total, error = gain(*own)
+        errors = (score(labels, one.left, mask & problem.of_force) for one in (before, after))
+        found.append(
+            HeldOut(block=name, before=next(errors), after=next(errors), gain=total, standard_error=error)
+        )
+    return found
 
 
 def selection_penalty_of(trained: np.ndarray, by_all: np.ndarray) -> float:
@@ -158,3 +178,70 @@ def _in_turn(labels: pd.DataFrame, blocks: Blocks) -> Iterator[tuple[str, np.nda
     for name, mask in blocks.held.items():
         for value in pd.unique(site[mask]):
             yield name, mask & (site == value)
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """Held-out readings, predicted by the base and by an answer that was fitted to the others."""
+
+    left: np.ndarray  # (n,) [N] measured less the answer's prediction
+    held: Sequence[HeldOut]  # all, then block by block
+
+
+def proof_of(problem: Problem, fit: Refitted, left: np.ndarray, blocks: Blocks) -> Proof:
+    """Return how an answer fitted to the training readings predicts the others.
+
+    fit: of all readings, left (n,) [N] what it leaves; its values, and places, by the training readings alone follow by one
+    linear step about it, as its columns are those of the real model there.
+    """
+    uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts)).covariance
+    step, spread = _training_step(uncertain, fit, left, blocks.train)
+    base = Prediction(problem.residual, problem.covariance)
+    answer = Prediction(left - fit.columns @ step, uncertain, fit.columns, spread)
+    return Proof(answer.left, held_out_of(problem, blocks, base, answer))
+
+
+def _training_step(
+    covariance: Covariance, fit: Refitted, left: np.ndarray, train: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the step (q,) from a fit to all readings to that to the training readings, and its covariance (q, q)."""
+    q, free = fit.columns.shape[1], np.diag(fit.spread) > 0
+    part = covariance.restricted(train)
+    J = part.whiten(fit.columns[train][:, free])
+    H = J.T @ J + np.diag(fit.prior_sd[free] ** -2.0)
+    step, spread = np.zeros(q), np.zeros((q, q))
+    spread[np.ix_(free, free)] = np.linalg.inv(H)
+    # About the fit to all the gradient of what was held out is what is missing to the training readings' own.
+    whole = covariance.whiten(np.column_stack([fit.columns[:, free], left]))
+    step[free] = np.linalg.solve(H, J.T @ part.whiten(left[train]) - whole[:, :-1].T @ whole[:, -1])
+    return step, spread
+
+
+def after_penalty(proof: Proof, problem: Problem, posterior: Posterior, train: np.ndarray) -> Proof:
+    """Return a proof that pays for what readings held out, all but train (n,) bool, had to say in choosing the answer."""
+    every, sets = np.ones(len(problem.labels), bool), [*posterior.sets.values()]
+    trained, reported = (_evidence(problem, sets, mask) for mask in (train, every))
+    penalty = {"selection_penalty": selection_penalty_of(trained, reported)}
+    return replace(proof, held=[proof.held[0].model_copy(update=penalty), *proof.held[1:]])
+
+
+def _evidence(problem: Problem, sets: Sequence[Screened], mask: np.ndarray) -> np.ndarray:
+    """Return the log evidence (k,) of sets by some entries (n,) bool, by their linear changes at their best shapes."""
+    covariance, residual = problem.covariance.restricted(mask), problem.residual[mask]
+
+    def evidence(one: Screened) -> float:
+        parts = [replace(part, columns=part.columns[mask]) for part in one.parts]
+        return judged_under(covariance, residual, parts).log_bayes_factor
+
+    return np.array([evidence(one) for one in sets])
+
+
+def folds_of(problem: Problem, fit: Refitted, left: np.ndarray) -> list[HeldOut]:
+    """Return, where sites are few, how the answer fitted to the others predicts each of them."""
+    sites = np.sort(problem.observations.table["site"].unique())
+    found = []
+    for turn, site in enumerate(sites if 1 < len(sites) < FEW_SITES else (), start=1):
+        x, y = problem.observations.sites[site]
+        proof = proof_of(problem, fit, left, split(problem.labels, 0, turn))
+        found.append(proof.held[0].model_copy(update={"block": f"site ({x:g}, {y:g}) mm"}))
+    return found

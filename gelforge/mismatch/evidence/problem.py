@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.evidence import places
 from gelforge.mismatch.evidence.covariance import Covariance, slowly
-from gelforge.mismatch.evidence.screen import Candidate, split
+from gelforge.mismatch.evidence.screen import Candidate, Slope, next_to, slopes, split
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.thresholds import PLACE_ERROR, SCATTERED, SEEN_ERROR
@@ -47,13 +46,12 @@ class Problem:
     effects: Mapping[str, Effect]
     forces_with: ForcesWith
     failed: Mapping[str, str]  # effects that could not be computed, and why
-    change_error: float = (
-        0.0  # by which a change that is solved errs, a share of it; 0: no change errs, by form neither
-    )
+    # By which a change that is solved errs, a share of it; 0: no change errs, by form neither
+    change_error: float = 0.0
     boxes: Sequence[Candidate] = ()  # linear changes by the modulus of boxes of the body, for its map alone
     modules: Sequence[
         Any
-    ] = ()  # modules.Module: physics with a free form, its changes of the n entries of force
+    ] = ()  # kernels.Module: physics with a free form, its changes of the entries of force
     # Forces (R, 3) [N] of effects that are not solved, on the base and a change (R, 3) of it; None: not known apart.
     read_with: ForcesWith | None = None
     flow: Any = None  # flow.FlowChannel where images are judged with the forces
@@ -112,7 +110,7 @@ class Problem:
             if np.any(change):
                 errors.append(change[:, None] * self._errs)
                 if "x_mm" in part.shape and part.moved_from is None and self.error_of(part):
-                    others = places.next_to(part, self.places_of(part))
+                    others = next_to(part, self.places_of(part))
                     errors += [PLACE_ERROR * (other.columns - part.columns) @ own for other in others]
         return np.column_stack(errors)
 
@@ -197,10 +195,10 @@ class Problem:
         """Return the problem's own candidate of a part's effect and tried shape."""
         return next(c for c in self.candidates if c.name == part.name and c.tried == part.tried)
 
-    def slopes_of(self, part: Candidate) -> dict[str, places.Slope]:
+    def slopes_of(self, part: Candidate) -> dict[str, Slope]:
         """Return what `places.slopes` gives of a part; nothing where it has no place or nothing is solved for it."""
         located = "x_mm" in part.shape and self.solves(part)
-        return places.slopes(self.tried(part), self.places_of(part)) if located else {}
+        return slopes(self.tried(part), self.places_of(part)) if located else {}
 
     def places_of(self, part: Candidate) -> list[Candidate]:
         """Return the problem's candidates of a part's effect, one for each shape."""

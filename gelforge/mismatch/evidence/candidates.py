@@ -1,22 +1,71 @@
-"""Where in the body the modulus would have to change to explain the readings, before any effect is named.
+"""Effects as linear changes of what was read, and the map of the body: where in it the modulus would have to change.
 
-The layers are divided into boxes, as wide as located effects lie apart and three levels deep; by the derivatives along
-the modulus of each, all are fitted to the readings of force at once.
+For the map the layers are divided into boxes, as wide as located effects lie apart and three levels deep; by the derivatives
+along the modulus of each, all are fitted to the readings of force at once, before any effect is named.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 
-from gelforge.config import Study
+from gelforge.config import ConfigError, Study
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.effects import CATALOGUE
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 from gelforge.mismatch.model.places import SPACING, FirstOrder, lines
-from gelforge.mismatch.terms.problem import Problem
+
+UNIT = 1e-3  # of a width: a step at which every first-order change is a straight line
+
+
+def effects_of_forces(study: Study) -> dict[str, Effect]:
+    """Return the effects that forces can show on a study's sensor, but for those that it leaves out.
+
+    Raises ConfigError where it leaves out what there is not.
+    """
+    left_out = set(study.mismatch.leave_out)
+    unknown = left_out - set(CATALOGUE)
+    if unknown:
+        raise ConfigError(
+            f"mismatch.leave_out: no effect {sorted(unknown)}; the catalogue has {sorted(CATALOGUE)}"
+        )
+    tried = {name: effect for name, effect in CATALOGUE.items() if name not in left_out}
+    return {name: e for name, e in tried.items() if e.to_forces is not None and e.applies(study)}
+
+
+def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[str, str]) -> list[Candidate]:
+    """Return every effect at every shape as a linear change of what was read; what is not known goes to failed."""
+    found = []
+    for name, effect in effects.items():
+        for shape in effect.shapes(context):
+            try:
+                columns = columns_of(context, effect, shape)
+            except KeyError as missing:  # its derivative could not be had
+                why = failed.setdefault(str(missing.args[0]), "no derivative of this sensor's nominal model")
+                failed.setdefault(name, why)
+                continue
+            if not np.any(columns):
+                continue
+            found.append(Candidate(name, shape, columns, effect.prior_sd, effect.signs, effect.binary))
+    return found
+
+
+def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
+    """Return the change of what was read (n, P) [N] per unit of the parameter."""
+    if effect.to_forces is None:
+        raise ValueError(f"{effect.name} changes no forces; it has no columns among them")
+    columns = []
+    for k in range(len(effect.parameters)):
+        step = effect.unit_step(k, UNIT)
+        change = effect.to_forces(context, shape, context.force, step) - context.force
+        columns.append(context.observations.flat(change) / step[k])
+    return np.column_stack(columns)
+
 
 LEVELS = 3  # at least: the thickest part of the layers is halved until there are as many
 WIDTH = 0.3  # standard deviation of a box's relative change of modulus before anything is known
@@ -77,8 +126,6 @@ def body_map(problem: Problem) -> pd.DataFrame | None:
         return None
     J = problem.covariance.whiten(np.column_stack([box.columns for box in problem.boxes])) * WIDTH
     S = np.linalg.inv(np.eye(J.shape[1]) + J.T @ J)
-    change, sigma = (
-        WIDTH * (S @ (J.T @ problem.covariance.whiten(problem.residual))),
-        WIDTH * np.sqrt(np.diag(S)),
-    )
+    change = WIDTH * (S @ (J.T @ problem.covariance.whiten(problem.residual)))
+    sigma = WIDTH * np.sqrt(np.diag(S))
     return pd.DataFrame([dict(box.shape) for box in problem.boxes]).assign(change=change, sigma=sigma)

@@ -4,27 +4,41 @@ Its change is a random function: of depth, of place, of the session's time, of t
 indentation; of the pressing force, of the sideways forces, or of all in proportion. Such a function can follow anything of
 its kernel and pays for that (Kennedy & O'Hagan 2001, doi:10.1111/1467-9868.00294): an effect that is right does the same
 with a value or two and is likelier; effects that only happen to fit are not.
+
+A module is a kernel with a cause: physics with a free form, a map that no single value describes. Its directions are changes
+by that cause, with the plausible width of the catalogue's effect that it generalises. The causes are in `free_forms`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from gelforge.mismatch.evidence.alternatives import normalised
+from gelforge.config import Study
 from gelforge.mismatch.evidence.covariance import Covariance, Draws
-from gelforge.mismatch.evidence.screen import Candidate, chance_of, judged_by, log_evidence, whitened
-from gelforge.mismatch.terms.problem import Problem
+from gelforge.mismatch.evidence.gaussian import normalised
+from gelforge.mismatch.evidence.problem import Problem
+from gelforge.mismatch.evidence.screen import (
+    Candidate,
+    Screened,
+    chance_of,
+    judged_by,
+    log_evidence,
+    whitened,
+)
+from gelforge.mismatch.model.effect import Context, Effect
 from gelforge.mismatch.thresholds import PLAUSIBLE, SCALES, TEMPERING
 
-MODES = {"depth": 6, "place": 4, "time": 8, "path": 3}  # cosines along each coordinate
-WITH_DEPTH, FROM_PLACE_TO_PLACE = "with depth", "from place to place"
-BESIDE = 3  # cosines over depth beside those of place, path or press
+AXES = "xyz"
+# Cosines along each coordinate; beside: over depth, beside those of place, path or indentation
+MODES = {"depth": 6, "beside": 3, "place": 4, "time": 8, "path": 3}
+# Axes of the force; None: all in proportion
 DIRECTIONS = {
     "the pressing force": (2,),
     "the sideways forces": (0, 1),
@@ -41,6 +55,7 @@ class Kernel:
     # (n,) int, groups of entries that differ each by itself; None: all together
     groups: np.ndarray | None = None
     form_of: tuple[str, ...] = ()  # effects of the catalogue that are the same cause in another form
+    of_labels: bool = False  # simulated forces change by it, as a function of place and depth
 
     @property
     def is_cause(self) -> bool:
@@ -56,13 +71,52 @@ class Kernel:
         return replace(covariance, levels=(*finer, Draws(group, scale * self.directions), alike, common))
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Module(Kernel):
+    """A cause with a free form: directions, and the map that its coefficients describe."""
+
+    name: str
+    says: str  # the cause, in words that follow "; "
+    map: pd.DataFrame  # (G) rows of module.csv: quantity, and what it is a function of
+    basis: np.ndarray  # (G, q) the map per unit coefficient
+    unit: str
+    where: Callable[[Mapping[str, Any]], str]  # a row of the map, in words
+    to_study: Callable[[Study, np.ndarray], Study] | None = None  # with a map (G,) of it
+    # False: another known cause changes the readings in such a way; it is modelled and never named
+    named: bool = True
+    replaces: str = ""  # words of the kernel without a cause that is this one without its name
+
+    @property
+    def is_cause(self) -> bool:
+        return self.named
+
+    def values(self, mean: np.ndarray, covariance: np.ndarray) -> pd.DataFrame:
+        """Return the rows of module.csv: the map with columns mean and sigma, of coefficients (q,) and (q, q)."""
+        sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", self.basis, covariance, self.basis), 0.0))
+        return self.map.assign(unit=self.unit, mean=self.basis @ mean, sigma=sigma)
+
+
+@dataclass(frozen=True)
+class FreeForm:
+    """What a file of `free_forms` defines."""
+
+    name: str  # of the file
+    # The module, if readings may show it, of the changes of the readings by the derivatives that they show at all
+    module: Callable[[Context, Sequence[Candidate]], Module | None]
+    derivatives: tuple[Effect, ...] = ()  # solved for it alone: none of these is an answer
+
+
 @dataclass(frozen=True)
 class Weighed:
     """The unknown beside an answer, or alone."""
 
+    kernels: Sequence[Kernel]
     factors: Mapping[str, float]  # by kernel: log, against the same without it, averaged over scales
-    priors: Mapping[str, float]  # by kernel, log: each cause is as likely as all kernels without one together
-    forms: Mapping[str, tuple[str, ...]]  # by kernel: effects that are the same cause in another form
+
+    @cached_property
+    def priors(self) -> dict[str, float]:
+        """Return by kernel the log prior: each cause is as likely as all kernels without one together."""
+        return log_priors(self.kernels)
 
     @property
     def log_bayes_factor(self) -> float:
@@ -77,7 +131,7 @@ class Weighed:
 
     def share_of(self, names: set[str]) -> float:
         """Return the probability that it is a cause which is one of some effects in another form, if it is there."""
-        return sum(share for words, share in self.shares.items() if names & set(self.forms[words]))
+        return sum(self.shares[kernel.words] for kernel in self.kernels if names & set(kernel.form_of))
 
     @property
     def p(self) -> float:
@@ -85,38 +139,31 @@ class Weighed:
         return chance_of(self.log_bayes_factor)
 
 
-def weighed_unknown(
-    problem: Problem,
-    kernels: Sequence[Kernel],
-    parts: Sequence[Candidate] = (),
-    amounts: np.ndarray | None = None,
-    left: np.ndarray | None = None,
-) -> Weighed:
-    """Return how much likelier all readings are with a discrepancy beside the parts, or alone.
+def weighed_unknown(problem: Problem, kernels: Sequence[Kernel], judged: Screened | None = None) -> Weighed:
+    """Return how much likelier all readings are with a discrepancy beside what was judged, or alone.
 
-    left (n,) [N]: what the parts leave of the readings at amounts (p,); the values stay free, to first order about these.
+    The values of what was judged stay free, to first order about those found.
     """
     residual, covariance = problem.residual, problem.covariance
-    if len(parts):
-        if amounts is None or left is None:
-            raise ValueError("what the parts leave is not given; give amounts and left with parts")
-        covariance = problem.with_model_error(parts, amounts).covariance
-        residual = left + np.column_stack([part.columns for part in parts]) @ amounts
+    parts: tuple[Candidate, ...] = ()
+    if judged is not None:
+        parts = judged.parts
+        covariance = problem.with_model_error(parts, judged.amounts).covariance
     r, white = covariance.whiten(residual), whitened(covariance, parts)
-    judged = judged_by(r, parts, white).log_bayes_factor if parts else 0.0
-    without, found = covariance.log_density(residual) + judged, {}
+    alone = judged_by(r, parts, white).log_bayes_factor if parts else 0.0
+    without, found = covariance.log_density(residual) + alone, {}
     for kernel in kernels:
         if kernel.groups is None:
             directions, q = covariance.whiten(kernel.directions), kernel.directions.shape[1]
             drawn = Candidate(kernel.words, {}, kernel.directions, np.ones(q), np.zeros(q))
             scaled = [replace(drawn, prior_sd=np.full(q, scale)) for scale in SCALES]
             with_it = [judged_by(r, (*parts, one), [*white, directions]).log_bayes_factor for one in scaled]
-            factors = [factor - judged for factor in with_it]
+            factors = [factor - alone for factor in with_it]
         else:
             wider = [kernel.beside(covariance, scale) for scale in SCALES]
             factors = [log_evidence(one, residual, parts) - without for one in wider]
         found[kernel.words] = float(logsumexp(factors) - np.log(len(factors)))
-    return Weighed(found, log_priors(kernels), {kernel.words: kernel.form_of for kernel in kernels})
+    return Weighed(kernels, found)
 
 
 def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
@@ -126,74 +173,37 @@ def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
     return {kernel.words: float(share if kernel.is_cause else share - np.log(plain)) for kernel in kernels}
 
 
-@dataclass(frozen=True)
-class Span:
-    """The ranges over which an unknown change is a smooth function: those of the readings that it is learnt from."""
-
-    depth_mm: tuple[float, float]
-    x_mm: tuple[float, float]
-    y_mm: tuple[float, float]
-    held: tuple[float, float]  # logarithm of 1 + seconds since the indentation's first touch
-
-    @classmethod
-    def of(cls, labels: pd.DataFrame) -> Span:
-        """Return the ranges of some readings."""
-        own = {name: labels[name].to_numpy(float) for name in ("depth_mm", "x_mm", "y_mm")} | {
-            "held": _held(labels)
-        }
-        return cls(**{name: (float(values.min()), float(values.max())) for name, values in own.items()})
-
-
 def kernels_of(problem: Problem) -> list[Kernel]:
     """Return the kernels in which these readings may differ, physics with a free form among them; flow is not."""
-    labels = problem.labels
-    flow = ~problem.of_force
-    own = np.where(flow, 0.0, problem.observations.flat(problem.base))
-    pressing = np.where(flow, 0.0, np.abs(problem.base[labels["reading"], 2]))
-    press = np.where(flow, -1, np.unique(labels["press"], return_inverse=True)[1].ravel())
-    found = kernels(labels, own, pressing, Span.of(labels), press)
-    named = {module.replaces for module in problem.modules}
-    return [one for one in found if one.words not in named] + [
-        _padded(module, len(labels)) for module in problem.modules
-    ]
-
-
-def _padded(module: Kernel, entries: int) -> Kernel:
-    """Return a module that changes the first of so many entries, the forces; the flow of images it does not change."""
-    directions = np.zeros((entries, module.directions.shape[1]))
-    directions[: len(module.directions)] = module.directions
-    return replace(module, directions=directions)
-
-
-def kernels(
-    labels: pd.DataFrame, own: np.ndarray, pressing: np.ndarray, span: Span, press: np.ndarray
-) -> list[Kernel]:
-    """Return the kernels at n entries: labels as in Observations.labels, own (n,) [N] base force along the entry's axis.
-
-    pressing (n,) [N]: size of the pressing force of its reading; press (n,): number of its press.
-    """
-    axis, found = labels["axis"].to_numpy(), []
-    for words, profile, share, each in _profiles(labels, span):
+    labels, of_force, found = problem.labels, problem.of_force, []
+    axis, named = labels["axis"].to_numpy(), {module.replaces for module in problem.modules}
+    own = np.where(of_force, problem.observations.flat(problem.base), 0.0)
+    pressing = np.where(of_force, np.abs(problem.base[labels["reading"], 2]), 0.0)
+    press = np.where(of_force, np.unique(labels["press"], return_inverse=True)[1].ravel(), -1)
+    for over, profile, share, each in _profiles(labels):
         size = pressing if share else np.full(len(labels), np.sqrt(np.mean(pressing[pressing > 0] ** 2)))
         for name, axes in DIRECTIONS.items():
             if axes is None:
                 directions = own[:, None] * profile
             else:
                 directions = np.column_stack([(size * (axis == k))[:, None] * profile for k in axes])
-            if np.any(directions):
-                found.append(Kernel(f"{name} {words}", PLAUSIBLE * directions, press if each else None))
+            if np.any(directions) and f"{name} {over}" not in named:
+                groups, of_labels = press if each else None, over in ("with depth", "from place to place")
+                found.append(Kernel(f"{name} {over}", PLAUSIBLE * directions, groups, (), of_labels))
+    for module in problem.modules:  # forces are the first entries; the flow of images it does not change
+        directions = np.zeros((len(labels), module.directions.shape[1]))
+        directions[: len(module.directions)] = module.directions
+        found.append(replace(module, directions=directions))
     return found
 
 
-def _profiles(labels: pd.DataFrame, span: Span) -> Iterator[tuple[str, np.ndarray, bool, bool]]:
+def _profiles(labels: pd.DataFrame) -> Iterator[tuple[str, np.ndarray, bool, bool]]:
     """Yield words, functions (n, q) of unit size, whether they grow with the force, whether each indentation has one."""
     depth = labels["depth_mm"].to_numpy(float)
-    over_depth = modes(depth, BESIDE, span.depth_mm)
-    yield WITH_DEPTH, modes(depth, MODES["depth"], span.depth_mm), True, False
-    if span.x_mm[0] < span.x_mm[1] or span.y_mm[0] < span.y_mm[1]:
-        x = modes(labels["x_mm"].to_numpy(float), MODES["place"], span.x_mm)
-        y = modes(labels["y_mm"].to_numpy(float), MODES["place"], span.y_mm)
-        yield FROM_PLACE_TO_PLACE, product(product(x, y), over_depth), True, False
+    over_depth = modes(depth, MODES["beside"])
+    yield "with depth", modes(depth, MODES["depth"]), True, False
+    if several_places(labels):
+        yield "from place to place", product(plane_modes(labels), over_depth), True, False
     if labels["press"].nunique() > 1:
         yield "from one indentation to the next", over_depth, True, True
     sessions, order = labels["session"].to_numpy(), labels["order"].to_numpy(float)
@@ -202,13 +212,14 @@ def _profiles(labels: pd.DataFrame, span: Span) -> Iterator[tuple[str, np.ndarra
     phases = labels["phase"].to_numpy()
     later = np.column_stack([phases == "dwell", phases == "unload"]).astype(float)
     if later.any():
-        held = modes(_held(labels), MODES["path"], span.held)
-        yield "along an indentation's path", product(product(held, later), over_depth), True, False
-
-
-def _held(labels: pd.DataFrame) -> np.ndarray:
-    """Return the logarithm (n,) of 1 + seconds since the indentation's first touch; 0 where no times are known."""
-    return np.log1p(np.maximum(np.nan_to_num(labels["press_time_s"].to_numpy(float)), 0.0))
+        # since the indentation's first touch; 0 where no times are known
+        held = np.log1p(np.maximum(np.nan_to_num(labels["press_time_s"].to_numpy(float)), 0.0))
+        yield (
+            "along an indentation's path",
+            product(product(modes(held, MODES["path"]), later), over_depth),
+            True,
+            False,
+        )
 
 
 def of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
@@ -223,13 +234,12 @@ def of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def modes(values: np.ndarray, count: int, span: tuple[float, float] | None = None) -> np.ndarray:
-    """Return cosines (n, count) over a range of values (n,), the slower the larger, of mean square 1 together.
+def modes(values: np.ndarray, count: int) -> np.ndarray:
+    """Return cosines (n, count) over the range of values (n,), the slower the larger, of mean square 1 together.
 
-    span: the range, that of the values where none is given. A random function of them has a smooth covariance (Solin &
-    Sarkka 2020, doi:10.1007/s11222-019-09886-w).
+    A random function of them has a smooth covariance (Solin & Sarkka 2020, doi:10.1007/s11222-019-09886-w).
     """
-    low, high = (values.min(), values.max()) if span is None else span
+    low, high = values.min(), values.max()
     if low == high:
         return np.ones((len(values), 1))
     k = np.arange(count)
@@ -241,3 +251,25 @@ def modes(values: np.ndarray, count: int, span: tuple[float, float] | None = Non
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return all products (n, p q) of the columns of a (n, p) and b (n, q)."""
     return (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
+
+
+def plane_modes(at: pd.DataFrame) -> np.ndarray:
+    """Return cosines (n, q) over the plane, of mean square 1 together, at places x_mm, y_mm."""
+    x, y = (modes(at[name].to_numpy(float), MODES["place"]) for name in ("x_mm", "y_mm"))
+    return product(x, y)
+
+
+def several_places(table: pd.DataFrame) -> bool:
+    """Return whether readings were taken at more than one place."""
+    return table[["x_mm", "y_mm"]].drop_duplicates().shape[0] > 1
+
+
+def sites(table: pd.DataFrame) -> tuple[pd.DataFrame, np.ndarray]:
+    """Return the places x_mm, y_mm of the readings, and the number of the first reading at each."""
+    first = table.drop_duplicates(["x_mm", "y_mm"])
+    return first[["x_mm", "y_mm"]].reset_index(drop=True), first.index.to_numpy()
+
+
+def near(row: Mapping[str, Any]) -> str:
+    """Return the place of a map's row in words."""
+    return f"near ({row['x_mm']:.4g}, {row['y_mm']:.4g}) mm"

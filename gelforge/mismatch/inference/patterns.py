@@ -9,11 +9,9 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from gelforge.mismatch.evidence.spread import spread_out
+from gelforge.mismatch.readings.observations import spread_out
 
-MOST_CENTRES = 49  # of bumps: a grid of 7 x 7 resolves what bumps as wide as their spacing can show
 BUMP_WIDTHS = (0.7, 1.5, 3.0)  # standard deviations, in distances of neighbouring sites
-LETTING_GO_MM = 0.2  # depth at which gels let go
 PARTS = 4  # depth bands
 STEPS = 8  # parts of a session, between which the readings may step
 AXES = "xyz"
@@ -102,7 +100,8 @@ def _bumps(labels: pd.DataFrame) -> Iterator[Profile]:
     spacing = float(np.median(cKDTree(sites).query(sites, k=2)[0][:, 1]))
     reach = np.hypot(*np.ptp(sites, axis=0))
     for width in (w * spacing for w in BUMP_WIDTHS):
-        for x, y in sites[spread_out(sites, MOST_CENTRES)] if width < reach else ():
+        # 7 x 7 centres resolve what bumps as wide as their spacing can show
+        for x, y in sites[spread_out(sites, 49)] if width < reach else ():
             values = np.exp(-((xy - (x, y)) ** 2).sum(axis=1) / (2 * width**2))
             region = {"x_mm": float(x), "y_mm": float(y), "radius_mm": float(width)}
             yield (
@@ -162,7 +161,7 @@ def _phases(labels: pd.DataFrame) -> Iterator[Profile]:
         here = (phase == name).astype(float)
         if 0 < here.sum() < len(here):
             yield Pattern(f"{name} against the rest", "phase", {"phase": name}), here, AXES
-    shallow = (phase == "unload") * np.exp(-labels["depth_mm"].to_numpy(float) / LETTING_GO_MM)
+    shallow = (phase == "unload") * np.exp(-labels["depth_mm"].to_numpy(float) / 0.2)  # mm, where gels let go
     if np.ptp(shallow) > 0:
         yield Pattern("letting go", "phase", {"phase": "unload"}), shallow, "z"
 

@@ -11,16 +11,13 @@ from scipy.optimize import least_squares
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidence
-from gelforge.mismatch.evidence.places import displaced
-from gelforge.mismatch.evidence.screen import Candidate, Screened, split
-from gelforge.mismatch.terms.problem import Problem, secant
+from gelforge.mismatch.evidence.problem import Problem, secant
+from gelforge.mismatch.evidence.screen import Candidate, Screened, displaced, split
 
 MOST_STEPS = 16  # of a fit; where a place is fitted each costs a solution
 # Of a place, whose columns are secants: gains of the cost (some 1,000) below a seventh of a standard deviation, and steps
 # below a hundredth of where it is from the start, are not waited for.
 OF_PLACE = {"ftol": 1e-5, "xtol": 1e-2}
-DIFFERENCE = 1e-3  # of a plausible value: for columns taken anew where nothing is solved
-PART_OF_A_WAY = 0.25  # half-way to the next place: across it the columns of ways are differences
 SEEN_SNR = 0.5  # of a way half to the next place: what the readings see less of is not fitted
 INSIDE = 1e-3  # of a bound's distance from zero that values keep from it, where it is not physical itself
 
@@ -31,9 +28,8 @@ class Refitted:
 
     parts: tuple[Candidate, ...]  # what has a place lies where it fits best, between those that were tried
     amounts: tuple[np.ndarray, ...]  # per part
-    columns: (
-        np.ndarray
-    )  # (m, q) [N per unit, N/mm] of the entries that were fitted: of all amounts, then of places
+    # (m, q) [N per unit, N/mm] of the entries that were fitted: of all amounts, then of places
+    columns: np.ndarray
     spread: np.ndarray  # (q, q) covariance of the same
     prior_sd: np.ndarray  # (q,) of the same
     log_bayes_factor: float  # Laplace, against none, on these entries; shapes and scales are paid for
@@ -114,7 +110,7 @@ def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Var
     J = J.copy()
     for k, move in enumerate(variables.moves, start=variables.amounts):
         beside = a.copy()
-        beside[k] += PART_OF_A_WAY * (move.half if move.high > 0 else -move.half)
+        beside[k] += 0.25 * (move.half if move.high > 0 else -move.half)
         try:
             J[:, k] = (variables.change(beside) - change) / (beside[k] - a[k])
         except NotConverged:
@@ -124,7 +120,7 @@ def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Var
 
 def _columns_at(variables: Variables, a: np.ndarray, change: np.ndarray) -> np.ndarray:
     """Return the columns (m, q) [N per unit] at a (q,), whose change is known, by differences."""
-    steps = DIFFERENCE * np.diag(variables.prior_sd)
+    steps = 1e-3 * np.diag(variables.prior_sd)
     return np.column_stack([(variables.change(a + step) - change) / step.sum() for step in steps])
 
 
