@@ -21,7 +21,7 @@ The *floor* of an axis combines resolution and scatter at rest.
 | `force_in_step` | force that lags or leads the depth | earliest dwell, >= 0.15 s and two periods | error; `force.delay_s` |
 | `force_before_touch` | tared zero rows that read a force | 5 floors, 1 % of the largest | error; `force.tared: false` |
 | | force that changes before contact | 15 floors, a fifth of the force | excluded; zero rows clear of the surface |
-| `force_saturates` | a largest value reached again | chance 1e-6, or 3 steps | excluded there; larger range |
+| `force_saturates` | a largest value that repeats | chance 1e-6, or 3 steps too little | excluded there; larger range |
 | `force_repeats` | equal digits while the depth changes | 3 times resolution and scatter | excluded; check plug and supply |
 | `force_answers` | no force where the site answered no deeper | 5 floors | excluded; an error if nothing answers |
 | `force_grows` | much less force than at a depth 1.5 times smaller | 0.4 of proportional | excluded; check both |
