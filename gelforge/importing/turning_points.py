@@ -258,8 +258,7 @@ def _without_stamps(key: str, stamps) -> tuple[str, str]:
         lost.append(("rows were dropped", f"name time stamps of each row in {key}.time"))
     if stage is None:
         lost.append(("rows of the stage's log were dropped", "name time stamps of each row in stage.time"))
-    causes, remedies = zip(*lost) if lost else ((), ())
-    return " or ".join(causes), " or ".join(remedies)
+    return " or ".join(cause for cause, _ in lost), " or ".join(remedy for _, remedy in lost)
 
 
 def _stepped(stamps, lags, at, limit: float, key: str) -> str:

@@ -85,6 +85,8 @@ def check_rows(
                 f"{path}: {rest * 1e3:.4g} kPa, {abs(rest) / stress.max():.0%} of the largest stress, at {test.abscissa}"
                 f" {test.at_rest:g}; {LEAST_REST_STRESS:.0%} at most are expected: {rest_words(test, rest)}, {remedy}"
             )
+    if near.sum() < 3:
+        return
     unstrained = _stress_at_rest(strain[near], stress[near])
     if unstrained > max(REST_STRESS * stress.max(), REST_SHARE * np.median(stress[near])):
         raise TableError(
@@ -95,10 +97,8 @@ def check_rows(
 
 
 def _stress_at_rest(strain: np.ndarray, stress: np.ndarray) -> float:
-    """Return where a straight line through rows (n,) meets no strain; 0 where they are too few or at one strain."""
-    if len(strain) < 3 or np.ptp(strain) == 0:
-        return 0.0
-    return float(np.polyfit(strain, stress, 1)[1])
+    """Return where a straight line through rows (n,) meets no strain; 0 where they are at one strain."""
+    return float(np.polyfit(strain, stress, 1)[1]) if np.ptp(strain) else 0.0
 
 
 def flat_top(stretch: np.ndarray, stress: np.ndarray) -> int | None:

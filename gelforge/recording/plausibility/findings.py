@@ -130,10 +130,12 @@ def _line(group: list[Finding]) -> str:
         where += f" at {worst.time_s:.6g} s"
     limit = f" (limit {worst.limit:.3g} {worst.unit})".replace(" )", ")") if np.isfinite(worst.limit) else ""
     count = ""
-    if len(group) > 1:
-        names = [finding.press for finding in group[:NAMED]]
-        more = ", ..." if len(group) > NAMED else ""
-        count = f"; {len(group)} indentations in all: {', '.join(names)}{more}"
+    names = list(
+        dict.fromkeys(finding.press for finding in group)
+    )  # of an indentation several images may be found
+    if len(names) > 1:
+        more = ", ..." if len(names) > NAMED else ""
+        count = f"; {len(names)} indentations in all: {', '.join(names[:NAMED])}{more}"
     left_out = f"; {worst.channel} left out there" if worst.level == "excluded" else ""
     return f"{where + ': ' if where else ''}{worst.channel} {worst.found}{limit}{count}{left_out}; {worst.remedy}"
 
