@@ -305,6 +305,7 @@ class Mapping(Section):
         return next(iter(self.entries_for(name)), None)
 
 
+# A ball as wide as the widest sensor (SENSOR_MM in indentation/sensor/sizes.py).
 LARGEST_BALL_MM = 200.0
 
 

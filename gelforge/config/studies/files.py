@@ -20,7 +20,7 @@ from gelforge.config.sessions.virtual_lab import VirtualLab
 from gelforge.config.studies.study import Study
 from gelforge.input_files import NotAFile, another_kind, read_bytes
 
-LONGEST_REMEDY = 600
+LONGEST_REMEDY = 600  # characters: some seven lines of a terminal
 MOST_ERRORS = 5  # that a file is said to have
 FORMER_KEYS = {  # of earlier files, and what to write in their place
     "touchdown_mm": "contact_point_scatter_mm",

@@ -16,7 +16,7 @@ from gelforge.dataset.manifest import SUMS
 from gelforge.dataset.schema import DatasetError
 from gelforge.files import FileError, file_sha256, no_room, remove_orphans, temporary_beside, write_text
 
-MB = 1e6
+MB = 1e6  # bytes (SI prefix, IEC 80000-13:2008)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from gelforge.config import StageToSensor
 
 CORNER_MM = 0.1  # nobody presses nearer to the very corner, but positions in metres all land there
-MICROMETRES = 1e3
+MICROMETRES = 1e3  # in a millimetre
 
 
 def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:

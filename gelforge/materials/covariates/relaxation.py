@@ -26,6 +26,7 @@ LEAST_POINTS = 8
 BIC_GAIN = (
     10.0  # one more term must lower Schwarz' criterion by this much ("very strong", Kass and Raftery 1995)
 )
+# The level of an interval's end is then known to 1.6 %: sqrt(0.025 * 0.975 / 100) (Efron & Tibshirani 1993, ch. 19).
 BOOTSTRAPS = 100
 
 

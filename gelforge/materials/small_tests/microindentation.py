@@ -31,6 +31,7 @@ BEFORE_START = 0.05  # of the travel: machines that zero where they touch begin 
 AT_TOUCH = 0.98  # share of rows in contact from which there is none left that shows the force at rest
 LARGEST_SHIFT = 0.1  # of the largest push, between the baselines before and after an indentation
 FLAT = 0.02  # of the largest push: change over the far rows of a withdrawal that is free of the sample
+# The level of an interval's end is then known to 1.1 %: sqrt(0.025 * 0.975 / 200) (Efron & Tibshirani 1993, ch. 19).
 BOOTSTRAPS = 200
 
 

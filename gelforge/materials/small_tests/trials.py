@@ -14,7 +14,7 @@ from gelforge.materials.basis.statistics import Mean, mean_of
 FRICTION, THICKNESS = "friction.csv", "thickness.csv"  # files of a folder
 TILT_DEG = (1.6, 80.0)  # radians end at pi / 2 = 1.571; a friction of 0.028 is no elastomer's
 THICKNESS_MM = (0.02, 15.0)  # a sheet of 20 um in um, and one of 15 mm in m, fall out
-LEAST_TRIALS = 3
+LEAST_TRIALS = 3  # two leave one degree of freedom, of which Student's t is 12.7
 LEAST_ROWS_OF_PRESS = 5
 LEAST_RISE = 0.5  # of the largest force of an indentation
 

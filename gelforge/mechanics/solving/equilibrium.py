@@ -149,7 +149,9 @@ class Press:
                 Aim(
                     at + share * (centre - at) if share < 1 else centre,
                     0,
-                    None if times is None else began + share * (float(times[number]) - began),
+                    None
+                    if began is None or times is None
+                    else began + share * (float(times[number]) - began),
                 )
                 for share in self.parts(state, centre - at)[::-1]
             ]
