@@ -8,8 +8,8 @@ seed; those of --calibration are the ones on which the parts in gelforge/indenta
 Solutions are kept in results/error_bars and are read again: remove them after a change of the solver. --solve: solve what is
 missing and print nothing. A place takes one to two CPU minutes on one thread, most of it the reference.
 
-Printed per case: the root mean square of the error of Fz and of its bar, how often 95 % intervals hold, and 95 % intervals
-of these shares over places (bootstrap of whole places).
+Printed per case and of all: the root mean square of the error of Fz and of its bar, how often 95 % intervals hold, and 95 %
+intervals of these shares over places (bootstrap of whole places).
 """
 
 # ruff: noqa: E402  (threads are set before the libraries start theirs)
@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import os
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -222,7 +223,8 @@ def main() -> None:
                 solved(name, CASES[name], *map(float, chosen[name][k]))
                 progress.advance(note=name)
     if not options.solve:
-        rows = [row(name, at_places(name, chosen[name])) for name in options.cases]
+        found = {name: at_places(name, chosen[name]) for name in options.cases}
+        rows = [row(name, found[name]) for name in found] + [row("all", list(chain(*found.values())))]
         print(pd.DataFrame(rows).to_markdown(index=False, disable_numparse=True))
 
 
