@@ -1,4 +1,4 @@
-"""How far labels are from a finer mesh, and whether their error bars say so: three sensors, two indenters, drawn places.
+"""How far labels are from a finer mesh, and whether their error bars say so: four sensors, two indenters, drawn places.
 
 usage: python benchmarks/error_bars.py [--places 20] [--seed 7102] [--corner] [--cases NAME ...] [--solve | --calibration]
 
@@ -8,8 +8,8 @@ seed; those of --calibration are the ones on which the parts in gelforge/indenta
 Solutions are kept in results/error_bars and are read again: remove them after a change of the solver. --solve: solve what is
 missing and print nothing. A place takes one to two CPU minutes on one thread, most of it the reference.
 
-Printed per case: the root mean square of the error of Fz and of its bar, how often 95 % intervals hold, and 95 % intervals
-of these shares over places (bootstrap of whole places).
+Printed per case and of all: the root mean square of the error of Fz and of its bar, how often 95 % intervals hold, and 95 %
+intervals of these shares over places (bootstrap of whole places).
 """
 
 # ruff: noqa: E402  (threads are set before the libraries start theirs)
@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import os
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -31,6 +32,7 @@ from sensors import ARTICLE, GELSIGHT
 from gelforge.config import Study, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.sensor.sensor_mesh import elements_through
 from gelforge.indentation.solving.companion import solve_companion
 from gelforge.indentation.solving.error_bars import Companion, error_bars
 from gelforge.indentation.solving.simulate import simulate_cell
@@ -51,6 +53,10 @@ STIFF = merged(
         "mechanics": {"friction": 0.8, "bulk_to_shear": NU_049},
     },
 )
+THIN = merged(
+    GELSIGHT, {"materials": {"gel": {"parameters": {"mu_kPa": [145.0]}}}, "indenter": {"radius_mm": 7.5}}
+)
+THIN["sensor"] = GELSIGHT["sensor"] | {"layers": [{"name": "gel", "thickness_mm": 2.5, "material": "gel"}]}
 PUNCH = {"kind": "cylinder", "radius_mm": 3.0, "edge_radius_mm": 0.8}
 
 
@@ -83,6 +89,7 @@ CASES = {
     "stiff, friction 0.8, nu 0.49, punch": Case(STIFF, 1.2, PUNCH),
     "GelSight-like, ball": Case(GELSIGHT, 1.0),
     "GelSight-like, punch": Case(GELSIGHT, 0.8, PUNCH),
+    "thin, ball": Case(THIN, 0.8),
 }
 
 
@@ -133,8 +140,8 @@ def of_half_size(study: Study) -> Study:
 
 def at_places(name: str, chosen: np.ndarray) -> list[dict[str, np.ndarray]]:
     """Return errors and bars of totals (D, 3) and of loaded bins (n, 3), place by place, with today's parts."""
-    case = CASES[name]
-    bins = case.described().sensor.bins
+    case, study = CASES[name], CASES[name].described()
+    bins, through = study.sensor.bins, elements_through(study.sensor, study.mechanics.mesh)
     found = []
     for x, y in chosen:
         forces = solved(name, case, float(x), float(y))
@@ -142,7 +149,8 @@ def at_places(name: str, chosen: np.ndarray) -> list[dict[str, np.ndarray]]:
             continue
         no_slopes = np.empty((0, *forces["coarse_total"].shape)), np.empty((0, *forces["coarse_bins"].shape))
         companion = Companion(forces["coarse_total"], forces["coarse_bins"], *no_slopes)
-        bars = error_bars(forces["total"], forces["bins"], forces["touched"], (bins.ny, bins.nx), companion)
+        shape = bins.ny, bins.nx
+        bars = error_bars(forces["total"], forces["bins"], forces["touched"], shape, companion, through)
         loaded = np.maximum(np.abs(forces["bins"]), np.abs(forces["true_bins"])).max(axis=-1) > 0
         found.append(
             {
@@ -215,7 +223,8 @@ def main() -> None:
                 solved(name, CASES[name], *map(float, chosen[name][k]))
                 progress.advance(note=name)
     if not options.solve:
-        rows = [row(name, at_places(name, chosen[name])) for name in options.cases]
+        found = {name: at_places(name, chosen[name]) for name in options.cases}
+        rows = [row(name, found[name]) for name in found] + [row("all", list(chain(*found.values())))]
         print(pd.DataFrame(rows).to_markdown(index=False, disable_numparse=True))
 
 

@@ -21,10 +21,11 @@ from gelforge.indentation.solving.error_bars import (
     PART_OF_BINS,
     PART_TOTALS,
     SHARE_BINS,
-    SHARE_TOTALS,
+    SHARE_LAYERS,
     SHARE_TOUCH,
     Companion,
     error_bars,
+    layer_totals,
     mesh_totals,
     touch_totals,
 )
@@ -39,6 +40,7 @@ DEVIATION = np.array([0.16, 0.03, 0.05, 0.1])
 CORRELATION = 0.6 ** np.abs(np.subtract.outer(range(4), range(4)))
 COVARIANCE = CORRELATION * np.outer(DEVIATION, DEVIATION)
 SOFT = MaterialLaw("soft", specimens.GEL, "", covariance=COVARIANCE)
+THROUGH = 7.5  # elements between contact and base
 PLANNED = PlannedCell("x", 10.8, 9.6, (0.4, 0.8))
 
 
@@ -53,7 +55,7 @@ def bars_of(bins, coarse, reached=None, slopes=0):
         rng.normal(size=(slopes, reached, B, 3)),
     )
     many = np.full(len(bins), 10**9)  # nodes in contact: no error of first touch
-    return error_bars(bins.sum(axis=1), bins, many, (10, 10), companion), companion
+    return error_bars(bins.sum(axis=1), bins, many, (10, 10), companion, THROUGH), companion
 
 
 @pytest.fixture
@@ -69,7 +71,7 @@ def test_equal_solutions_leave_the_least_bars_on_loaded_bins_alone(bins):
     expected = np.hypot(SHARE_BINS * size, LEAST_BINS * largest * (size > 0)) * np.ones(3)  # x, y, z alike
     assert_allclose(bars["bin_sigma_mesh_N"], expected, rtol=1e-12)
     uncancelled = PART_OF_BINS * np.sqrt((expected**2).sum(axis=1))
-    share = SHARE_TOTALS * np.abs(bins.sum(axis=1))
+    share = SHARE_LAYERS / THROUGH**2 * np.abs(bins.sum(axis=1))
     assert_allclose(bars["total_sigma_mesh_N"], np.hypot(uncancelled, share), rtol=1e-12)
 
 
@@ -89,6 +91,28 @@ def test_few_nodes_in_contact_widen_the_bar_of_the_total():
     assert_allclose(few[0], SHARE_TOUCH / 4 * np.abs(total[0]), rtol=1e-12)
 
 
+def test_half_as_many_elements_through_a_gel_widen_the_bar_of_the_total_fourfold():
+    total = np.array([[0.1, 0.0, -1.0]])
+    assert_allclose(layer_totals(total, 3.0), 4 * layer_totals(total, 6.0), rtol=1e-12)
+    assert_allclose(layer_totals(total, 6.0), SHARE_LAYERS / 36 * np.abs(total), rtol=1e-12)
+
+
+def test_a_gel_of_few_elements_is_known_within_its_bar():
+    """A gel of 1 mm squeezed by a ball of 4 mm, and elements half as large: 3 % is five times the other parts."""
+    gel = {"layers": [{"name": "gel", "thickness_mm": 1.0, "material": "soft"}], "wall_mm": 0.0}
+    planned = PlannedCell("x", 8.0, 8.0, (0.2, 0.3))
+    plan = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.2, 0.3]}
+
+    def study(factor):
+        sizes = {"near_mm": 0.25 * factor, "near_radius_mm": 1.5, "growth": 0.25, "far_mm": factor}
+        return specimens.study(plan, gel, {"radius_mm": 4.0}, mesh=sizes, contact={})
+
+    label = simulate_label(study(1.0), specimens.STUDY_LAWS, {}, planned).arrays
+    finer = simulate_cell(study(0.5), specimens.STUDY_LAWS, planned).arrays["total_force_N"]
+    error = np.abs(label["total_force_N"] - finer)[:, 2] / label["total_sigma_mesh_N"][:, 2]
+    assert (error < 2).all() and error.max() > 0.5
+
+
 def test_a_total_that_agrees_by_chance_keeps_what_its_bins_differ_by(bins):
     """Two bins that differ by the same force up and down: the total's own difference is nothing."""
     coarse = bins.copy()
@@ -96,7 +120,7 @@ def test_a_total_that_agrees_by_chance_keeps_what_its_bins_differ_by(bins):
     coarse[:, 55] -= [0.0, 0.0, 0.2]
     bars, _ = bars_of(bins, coarse)
     together = np.sqrt((bars["bin_sigma_mesh_N"] ** 2).sum(axis=1))
-    share = SHARE_TOTALS * np.abs(bins.sum(axis=1))
+    share = SHARE_LAYERS / THROUGH**2 * np.abs(bins.sum(axis=1))
     assert_allclose(bars["total_sigma_mesh_N"], np.hypot(PART_OF_BINS * together, share), rtol=1e-9)
     assert (bars["total_sigma_mesh_N"][:, 2] > PART_OF_BINS * PART_BINS[2] * 0.2).all()
 
@@ -286,8 +310,10 @@ def test_a_released_press_has_finite_bars_and_does_not_spoil_the_others():
     coarse[3, 2] = -1e-5
     companion = Companion(coarse, np.zeros((4, 4, 3)), np.zeros((0, 4, 3)), np.zeros((0, 4, 4, 3)))
     touched = np.array([20, 60, 20, 0])
-    found = error_bars(total, np.zeros((4, 4, 3)), touched, (2, 2), companion)["total_sigma_mesh_N"]
+    found = error_bars(total, np.zeros((4, 4, 3)), touched, (2, 2), companion, THROUGH)["total_sigma_mesh_N"]
     loaded = Companion(coarse[:3], np.zeros((3, 4, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 4, 3)))
-    alone = error_bars(total[:3], np.zeros((3, 4, 3)), touched[:3], (2, 2), loaded)["total_sigma_mesh_N"]
+    alone = error_bars(total[:3], np.zeros((3, 4, 3)), touched[:3], (2, 2), loaded, THROUGH)[
+        "total_sigma_mesh_N"
+    ]
     np.testing.assert_array_equal(found[:3], alone)
-    assert_allclose(found[3], np.array([CROSS_TOTALS, CROSS_TOTALS, PART_TOTALS]) * 1e-5)
+    assert_allclose(found[3], np.array([CROSS_TOTALS, CROSS_TOTALS, PART_TOTALS[2]]) * 1e-5)

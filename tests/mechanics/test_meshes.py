@@ -114,6 +114,23 @@ def test_a_wall_near_the_contact_has_elements_through_its_thickness(parts, throu
     assert set(np.round((high - low)[opposite & (high[:, 2] <= -1.5), 0], 9)) == {1.5}
 
 
+@pytest.mark.parametrize(("layers", "rows"), [((4.5, 1.5), 5), ((4.0,), 4), ((2.5, 0.3), 3), ((3.0,), 3)])
+def test_a_body_has_a_row_more_where_even_rounding_leaves_tall_cells(layers, rows):
+    """At a size of 1.2 mm 4 mm ask for 3.3 rows, and 3 are too few; 2.5 + 0.3 mm ask for 2.3 and have 3."""
+    block = Block(12.0, 12.0, tuple((f"layer {k}", thickness) for k, thickness in enumerate(layers)))
+    mesh = layered_block(block, 6.0, 6.0, Sizes(near=1.2, far=1.2))
+    assert len(np.unique(np.round(mesh.X[:, 2], 9))) - 1 == rows
+
+
+def test_sizes_through_a_height_are_those_that_fit_one_below_another():
+    assert Sizes(near=0.5, far=0.5).through(3.0) == pytest.approx(6.0)
+    sizes = Sizes(near=0.3, growth=0.25, far=1.2)
+    depths = np.linspace(0.0, 6.0, 60001)
+    every = 1 / np.minimum(0.3 + 0.25 * depths, 1.2)
+    assert sizes.through(6.0) == pytest.approx(np.trapezoid(every, depths), rel=1e-6)
+    assert sizes.through(2.0) == pytest.approx(np.trapezoid(every[:20001], depths[:20001]), rel=1e-6)
+
+
 def test_no_element_crosses_an_interface(case):
     block, _, mesh = case
     interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height

@@ -37,7 +37,7 @@ def sensor_mesh(
     Raises ConfigError for surfaces that bound no body or do not fit the description.
     """
     sizes = sizes_of(mesh)
-    if sensor.shape.kind == "block" and mesh.elements != "tetrahedra":
+    if _by_hexahedra(sensor, mesh):
         return layered_block(_on_base(_block(sensor), base), x_mm, y_mm, sizes, touched)
     if base:
         raise ConfigError(
@@ -50,6 +50,15 @@ def sensor_mesh(
         return tetrahedral_mesh(solids, sizes, np.insert(discs, 2, heights, axis=1))
     except (SurfaceError, MeshingError, TetwildError) as error:
         raise ConfigError(f"sensor: {error}") from None
+
+
+def _by_hexahedra(sensor: Sensor, mesh: MeshSizes) -> bool:
+    return sensor.shape.kind == "block" and mesh.elements != "tetrahedra"
+
+
+def elements_through(sensor: Sensor, mesh: MeshSizes) -> float:
+    """Return how many elements lie between contact and base, by the sizes asked for; a tetrahedron's is two of them."""
+    return sizes_of(mesh).through(sensor.height_mm) / (1 if _by_hexahedra(sensor, mesh) else 2)
 
 
 def sizes_of(mesh: MeshSizes) -> Sizes:

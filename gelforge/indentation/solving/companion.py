@@ -14,6 +14,7 @@ from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.planning.touching import untouched
+from gelforge.indentation.sensor.sensor_mesh import elements_through
 from gelforge.indentation.solving.error_bars import AMOUNT, COARSER, Companion, error_bars, laws_moved
 from gelforge.indentation.solving.model import model_of
 from gelforge.indentation.solving.sensitivities import sensitivities, variations_of, with_sensitivities
@@ -82,9 +83,9 @@ def simulate_label(
         companion.bin_slopes[:, :done],
     )
     touched = (cell.arrays["node_state"] != OPEN).sum(axis=1)
-    bars = error_bars(
-        cell.arrays["total_force_N"], cell.arrays["bin_force_N"], touched, (bins.ny, bins.nx), companion
-    )
+    forces = cell.arrays["total_force_N"], cell.arrays["bin_force_N"]
+    through = elements_through(study.sensor, study.mechanics.mesh)
+    bars = error_bars(*forces, touched, (bins.ny, bins.nx), companion, through)
     known = sorted(uncertain)
     attributes = {
         "companion_unknowns": unknowns,

@@ -6,8 +6,10 @@ bar yet: near the contact's rim the difference of a bin changes sign from place 
 neighbours does not, and the true error is a stable part of its root, with a small share of the bin's own force.
 
 In a total the errors of near and far size can cancel, at other depths than in the coarse-mesh solution's difference. Beside
-a part of that difference stand a share of the force, a part of the bins' bars, and what few nodes in contact cannot
-resolve: an error in proportion to the square of element size over contact radius, hence to one over their number.
+a part of that difference stand a part of the bins' bars and two shares of the force. One is what few nodes in contact cannot
+resolve: an error in proportion to the square of element size over contact radius, hence to one over their number. The other
+is what few elements between contact and base cannot: an incompressible gel is squeezed aside in a parabola over its height,
+and linear elements miss a parabola by the square of size over height, hence by one over the square of their number.
 benchmarks/error_bars.py found the parts on some places of three sensors and checks them on others (docs/accuracy.md).
 """
 
@@ -26,8 +28,8 @@ SMOOTHING = 0.6  # standard deviation of the weights of the mean square, of bins
 PART_BINS = np.array([0.30, 0.30, 0.34])  # x, y, z: of the root mean square difference of bins
 SHARE_BINS = 0.007  # of the force of the bin itself
 LEAST_BINS = 5e-4  # of the largest bin
-PART_TOTALS = 0.12  # of the total's difference
-SHARE_TOTALS = 4.5e-3  # of the total's own component
+PART_TOTALS = np.array([0.12, 0.12, 0.05])  # x, y, z: of the difference of totals
+SHARE_LAYERS = 0.15  # of a total, over the square of the number of elements through the sensor
 SHARE_TOUCH = 0.15  # of it, over the number of nodes in contact
 PART_OF_BINS = 0.2  # of the bins' bars as if independent, on the total: what the near size errs by does not cancel in them
 CROSS_TOTALS = 0.02  # of the vertical difference, on horizontal totals: near a wall they lean on it
@@ -47,12 +49,17 @@ class Companion:
 
 
 def error_bars(
-    total: np.ndarray, bins: np.ndarray, touched: np.ndarray, shape: tuple[int, int], companion: Companion
+    total: np.ndarray,
+    bins: np.ndarray,
+    touched: np.ndarray,
+    shape: tuple[int, int],
+    companion: Companion,
+    through: float,
 ) -> dict[str, np.ndarray]:
     """Return the error bars of a site's totals (D, 3) and bins (D, B, 3) [N] on a grid of (ny, nx) bins.
 
-    touched (D,): nodes in contact. Depths that the coarse-mesh solution did not reach take its last depth's bars, grown with
-    the force.
+    touched (D,): nodes in contact; through: elements between contact and base (sensor_mesh.elements_through). Depths that
+    the coarse-mesh solution did not reach take its last depth's bars, grown with the force.
     """
     reached = len(companion.total)
     if reached == 0:
@@ -67,6 +74,7 @@ def error_bars(
             mesh_totals(total[:reached], companion.total) ** 2
             + uncancelled**2
             + touch_totals(total[:reached], touched[:reached]) ** 2
+            + layer_totals(total[:reached], through) ** 2
         ),
         "bin_sigma_material_N": np.sqrt((companion.bin_slopes**2).sum(axis=0)),
         "total_sigma_material_N": np.sqrt((companion.total_slopes**2).sum(axis=0)),
@@ -94,16 +102,22 @@ def _mesh_bins(bins: np.ndarray, coarse: np.ndarray, shape: tuple[int, int]) -> 
 
 
 def mesh_totals(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
-    """Return the discretisation error bars (D, 3) [N] of totals by their difference from the coarse mesh and their size."""
+    """Return the discretisation error bars (D, 3) [N] of totals by their difference from the coarse mesh."""
     x, y, z = ((total - coarse) ** 2).T
-    horizontal = PART_TOTALS**2 * (x + y) / 2 + CROSS_TOTALS**2 * z
-    by_difference = np.array([horizontal, horizontal, PART_TOTALS**2 * z]).T
-    return np.sqrt(by_difference + (SHARE_TOTALS * total) ** 2)
+    horizontal, crossed = (x + y) / 2, CROSS_TOTALS**2 * z
+    return np.sqrt(
+        PART_TOTALS**2 * np.array([horizontal, horizontal, z]).T + np.array([crossed, crossed, 0 * z]).T
+    )
 
 
 def touch_totals(total: np.ndarray, touched: np.ndarray) -> np.ndarray:
     """Return the error bars (D, 3) [N] of totals by the number of nodes in contact (D,)."""
     return SHARE_TOUCH / np.maximum(touched, 1)[:, None] * np.abs(total)
+
+
+def layer_totals(total: np.ndarray, through: float) -> np.ndarray:
+    """Return the error bars (D, 3) [N] of totals by the number of elements between contact and base."""
+    return SHARE_LAYERS / through**2 * np.abs(total)
 
 
 def laws_moved(
