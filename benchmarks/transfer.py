@@ -115,9 +115,13 @@ def rows_without(results: Path, kind: str) -> list[Path]:
 def simulated_again(results: Path, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return features (n, 2 m) and labels (n, B, 3) [N] of straight presses (n, 3) [mm], drawn as training rows are.
 
-    places: position and depth of each; those outside the solved ones are left out.
+    places: position and depth of each; those outside the solved ones are left out. The camera is the described one, as that
+    of the recordings.
     """
     study = load_study(results / "study.yaml")
+    exact = {"focal_share": 0.0, "centre_px": 0.0, "rotation_deg": 0.0}
+    views = study.synthesis.views.model_copy(update=exact)
+    study = study.model_copy(update={"synthesis": study.synthesis.model_copy(update={"views": views})})
     solved = sorted((results / "synthetic" / "solved").glob("*.h5"))[: len(site_places(study))]
     straight = StraightPresses(study, [read_cell(path) for path in solved])
     presses = [straight.at(at[:2], at[2]) for at in places if straight.reaches(at[:2], at[2])]
