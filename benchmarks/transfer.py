@@ -9,7 +9,8 @@ usage: python benchmarks/transfer.py [results/simulated] [--recorded results/ben
 All data is SYNTHETIC. The other sensor has a gel 12 % stiffer, another mesh, particles, camera and light than the training
 set, and is pressed by unseen shapes too: a wedge from a file, and edges with --unseen-edges, which
 leaves edges out of the training rows. Prints Markdown tables, medians over seeds: errors of bins and totals before and after
-20 presses of that sensor with its total force measured, and which rows the check of totals marks.
+20 presses of that sensor with its total force measured, and which rows the check of totals marks. Two rows say where errors
+on recordings come from: what is left once forces are scaled by the best gain, and errors on the same indentations simulated.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from kept import trained  # noqa: E402
 
 from gelforge.config import Study, load_study  # noqa: E402
 from gelforge.dataset.shard import ShardDataset, shard_attributes  # noqa: E402
+from gelforge.indentation.cells.cell_file import read_cell  # noqa: E402
 from gelforge.learning.basis.data import FEATURE, LABEL  # noqa: E402
 from gelforge.learning.judging.evaluation import CONTACT_N, LIGHT_N  # noqa: E402
 from gelforge.learning.models.model_file import Model, load_model  # noqa: E402
@@ -36,7 +38,9 @@ from gelforge.learning.training.adaptation import Presses, adapt, measured_press
 from gelforge.materials.fitting.law_file import read_law  # noqa: E402
 from gelforge.mechanics.laws.models.ogden import Ogden  # noqa: E402
 from gelforge.synthesis.draws import drawn_path, shard_count, site_places  # noqa: E402
-from gelforge.synthesis.rows import solve, write_rows, write_solved  # noqa: E402
+from gelforge.synthesis.images import series_features  # noqa: E402
+from gelforge.synthesis.rows import SERIES_ROWS, solve, write_rows, write_solved  # noqa: E402
+from gelforge.synthesis.straight import StraightPresses  # noqa: E402
 
 STIFFER = 1.12
 NOISE_N = np.array(
@@ -108,17 +112,41 @@ def rows_without(results: Path, kind: str) -> list[Path]:
     return shards
 
 
+def simulated_again(results: Path, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return features (n, 2 m) and labels (n, B, 3) [N] of straight presses (n, 3) [mm], drawn as training rows are.
+
+    places: position and depth of each; those outside the solved ones are left out. The camera is the described one, as that
+    of the recordings.
+    """
+    study = load_study(results / "study.yaml")
+    exact = {"focal_share": 0.0, "centre_px": 0.0, "rotation_deg": 0.0}
+    views = study.synthesis.views.model_copy(update=exact)
+    study = study.model_copy(update={"synthesis": study.synthesis.model_copy(update={"views": views})})
+    solved = sorted((results / "synthetic" / "solved").glob("*.h5"))[: len(site_places(study))]
+    straight = StraightPresses(study, [read_cell(path) for path in solved])
+    presses = [straight.at(at[:2], at[2]) for at in places if straight.reaches(at[:2], at[2])]
+    features = []
+    for first in range(
+        0, len(presses), SERIES_ROWS
+    ):  # each series has particles, camera and light of its own
+        drawn = presses[first : first + SERIES_ROWS]
+        rng = np.random.default_rng([study.synthesis.seed, 2, first])
+        features += list(series_features(study, drawn, f"again-{first}", rng))[1:]
+    return np.stack(features), np.stack([press.bins(study.sensor) for press in presses])
+
+
 class Rows:
     """Rows that test, in memory, with their classes."""
 
     def __init__(self, paths: list[Path], split: str | None = None):
         rows = ShardDataset(paths, split)
-        names = (FEATURE, LABEL, "phase", "cell", "press", "session", "untouched", "depth_mm")
+        names = (FEATURE, LABEL, "phase", "cell", "untouched", "position_mm", "depth_mm")
         block = rows.read(np.arange(len(rows)), names)
         kinds = {n: a.get("kind", "") for p in paths for n, a in shard_attributes(p)["cells"].items()}
         self.feature, self.label = block[FEATURE], block[LABEL].astype(float)
         self.kind = np.array([kinds[name] for name in block["cell"]])
         self.phase, self.cell, self.untouched = block["phase"], block["cell"], block["untouched"]
+        self.place = np.column_stack([block["position_mm"], block["depth_mm"]])  # (n, 3) [mm]
 
     def errors(self, model: Model, chosen: np.ndarray, grid: tuple) -> dict[str, float]:
         """Return errors [mN, mm] over some rows, and shares inside the intervals."""
@@ -149,9 +177,25 @@ class Rows:
         )
 
 
-def on_recordings(model: Model, tested: Rows, readings: Presses, seed: int, grid: tuple) -> dict[str, float]:
-    """Return a model's errors on recorded rows against labels, and of totals against readings before and after presses."""
+def on_recordings(
+    model: Model,
+    tested: Rows,
+    again: tuple[np.ndarray, np.ndarray],
+    readings: Presses,
+    seed: int,
+    grid: tuple,
+) -> dict[str, float]:
+    """Return a model's errors on recorded rows against labels, and of totals against readings before and after presses.
+
+    again: features and labels of the same presses, simulated.
+    """
     row = tested.errors(model, np.ones(len(tested.cell), bool), grid)
+    said = model.predict(tested.feature)
+    gain = (said[..., 2] * tested.label[..., 2]).sum() / (said[..., 2] ** 2).sum()
+    row["best gain of z"] = gain
+    row["RMSES z at that gain [mN]"] = rmses_z(said * gain, tested.label, tested.untouched, grid)
+    feature, label = again
+    row["RMSES z, simulated [mN]"] = rmses_z(model.predict(feature), label, np.zeros(len(label), bool), grid)
     names = np.random.default_rng(seed).permutation(np.unique(readings.press.astype(str)))
     few, rest = (np.isin(readings.press.astype(str), part) for part in (names[:PRESSES], names[PRESSES:]))
     after = adapt(model, readings.of(few))[0]
@@ -159,6 +203,10 @@ def on_recordings(model: Model, tested: Rows, readings: Presses, seed: int, grid
         error = one.predict(readings.feature[rest]).sum(axis=1) - readings.measured[rest]
         row[f"against readings {when}, total Fz [mN]"] = 1e3 * np.sqrt((error[:, 2] ** 2).mean())
     return row
+
+
+def rmses_z(said: np.ndarray, true: np.ndarray, untouched: np.ndarray, grid: tuple) -> float:
+    return force_errors(said, true, untouched, grid)["RMSES z [mN]"]
 
 
 def on_other(model: Model, other: Rows, seed: int, grid: tuple) -> dict[str, dict[str, float]]:
@@ -213,6 +261,7 @@ def main() -> None:
     tested = Rows(shards, "test")
     rows = ShardDataset(shards, "test")
     readings = measured_presses(rows, press_names(rows))
+    again = simulated_again(arguments.results, np.unique(tested.place[~tested.untouched], axis=0))
     bins = study.sensor.bins
     grid = bins.nx, bins.ny, np.array([study.sensor.width_x_mm, study.sensor.width_y_mm])
     on_rows: dict[str, list] = {"trained on recordings": [], "trained in simulation": []}
@@ -225,7 +274,7 @@ def main() -> None:
             seeded = described.model_copy(update={"seed": seed})
             path, seconds = trained(seeded, learnt)
             model = load_model(path)
-            row = on_recordings(model, tested, readings, seed, grid) | {"training CPU [s]": seconds}
+            row = on_recordings(model, tested, again, readings, seed, grid) | {"training CPU [s]": seconds}
             on_rows[name].append(row)
             on_sensor[name].append(on_other(model, other, seed, grid))
             print(f"{name}, seed {seed}: {on_rows[name][-1]}", flush=True)

@@ -12,7 +12,6 @@ from gelforge.config import Learning, study_from
 from gelforge.dataset.shard import ShardDataset, writing_shard
 from gelforge.learning.basis.data import (
     Batches,
-    TactileRows,
     images_of_presses,
     measure_scaling,
     one_of_each_press,
@@ -407,15 +406,6 @@ def test_drawn_indentations_are_turned_though_the_flow_follows_them_loosely(stud
         assert len(plan.turns) == turns
     plan, _ = plan_of(study_of(regions=4, bins=5, network="unet"), rows, np.arange(len(rows)))
     assert len(plan.turns) == 1
-
-
-def test_rows_feed_pytorchs_loader_with_workers(shards):
-    rows = TactileRows(ShardDataset(shards))
-    assert rows[0][0].shape == (32,)
-    loader = torch.utils.data.DataLoader(rows, batch_size=5, num_workers=2, multiprocessing_context="fork")
-    loaded = torch.cat([feature for feature, _ in loader])
-    direct = ShardDataset(shards).read(np.arange(len(rows)), ["feature"])["feature"]
-    np.testing.assert_array_equal(loaded.numpy(), direct)
 
 
 def test_training_leaves_denormal_numbers_as_they_were(study, shards, tmp_path):

@@ -85,6 +85,7 @@ rule train:
             *(
                 "learning/networks",
                 "learning/elasticity",
+                "learning/training/optimiser.py",
                 "learning/training/train.py",
                 "learning/models/model_file.py",
                 "learning/models/reliability.py",

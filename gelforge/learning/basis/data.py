@@ -19,25 +19,6 @@ BLOCK_ROWS = 64  # consecutive rows that are read together; about one site
 BUFFER_ROWS = 16384  # rows in memory while training: 290 MB of the paper's features and labels
 
 
-class TactileRows(torch.utils.data.Dataset):
-    """Rows of shards as (feature, label) tensors; safe with worker processes, each opens the files for itself."""
-
-    def __init__(self, rows: ShardDataset):
-        self.rows = rows
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __getitem__(self, index: int) -> tuple[torch.Tensor, torch.Tensor]:
-        return tuple(values[0] for values in self.__getitems__([index], stack=True))
-
-    def __getitems__(self, indices: list[int], stack: bool = False):
-        """Return a batch at once, as PyTorch's loader asks for it: one reading of the files instead of many."""
-        block = self.rows.read(np.asarray(indices), (FEATURE, LABEL))
-        pair = torch.from_numpy(block[FEATURE]), torch.from_numpy(block[LABEL])
-        return pair if stack else list(zip(*pair))
-
-
 def subset(rows: ShardDataset, cells: set[str]) -> np.ndarray:
     """Return the numbers (n,) of the rows that belong to some sites, in order."""
     parts, start = [np.empty(0, np.int64)], 0

@@ -50,7 +50,19 @@ class OnnxModel:
 
     def predict_raw(self, feature: np.ndarray) -> np.ndarray:
         """Return the same as the network says it, small forces where nothing touches included."""
-        return self._run(feature)
+        feature = np.atleast_2d(np.asarray(feature, np.float32))
+        if not np.isfinite(feature).all():
+            bad = int((~np.isfinite(feature)).sum())
+            raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
+        (force,) = self.session.run(None, {INPUT: feature})
+        if not np.isfinite(force).all():
+            raise ModelError(f"the predicted force is not finite though all features are; {REMEDY}")
+        if (np.abs(force) > self.largest_N).any():
+            raise ModelError(
+                f"a predicted force is {np.abs(force).max():.3g} N, limit {self.largest_N.max():.3g} N; check the images, "
+                "and the model's file"
+            )
+        return force
 
     def answer(self, feature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what predict does, and how far its totals are from those of inverse elasticity (n,); NaN: not known."""
@@ -67,21 +79,6 @@ class OnnxModel:
         state = self.inverse.solve(flow, WARM_ITERATIONS if state else ITERATIONS, state)
         total = state.force.reshape(force.shape).sum(axis=1)
         return force, self.check.disagreement(force.sum(axis=1), total), state
-
-    def _run(self, feature: np.ndarray) -> np.ndarray:
-        feature = np.atleast_2d(np.asarray(feature, np.float32))
-        if not np.isfinite(feature).all():
-            bad = int((~np.isfinite(feature)).sum())
-            raise ModelError(f"the predicted force is not finite, {bad} features are not; check the images")
-        (force,) = self.session.run(None, {INPUT: feature})
-        if not np.isfinite(force).all():
-            raise ModelError(f"the predicted force is not finite though all features are; {REMEDY}")
-        if (np.abs(force) > self.largest_N).any():
-            raise ModelError(
-                f"a predicted force is {np.abs(force).max():.3g} N, limit {self.largest_N.max():.3g} N; check the images, "
-                "and the model's file"
-            )
-        return force
 
 
 def load_onnx(path: str | Path, threads: int = 1) -> OnnxModel:
