@@ -21,6 +21,8 @@ from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 from gelforge.mismatch.model.places import SPACING, FirstOrder, lines
 
 UNIT = 1e-3  # of a width: a step at which every first-order change is a straight line
+LEVELS = 3  # at least: the thickest part of the layers is halved until there are as many
+WIDTH = 0.3  # standard deviation of a box's relative change of modulus before anything is known
 
 
 def effects_of_forces(study: Study) -> dict[str, Effect]:
@@ -65,10 +67,6 @@ def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
         change = effect.to_forces(context, shape, context.force, step) - context.force
         columns.append(context.observations.flat(change) / step[k])
     return np.column_stack(columns)
-
-
-LEVELS = 3  # at least: the thickest part of the layers is halved until there are as many
-WIDTH = 0.3  # standard deviation of a box's relative change of modulus before anything is known
 
 
 def boxes(study: Study) -> list[Shape]:

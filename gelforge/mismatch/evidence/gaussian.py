@@ -10,6 +10,8 @@ from scipy.special import gammaln, log_ndtr, logsumexp
 from gelforge.mismatch.thresholds import NULL_PRIOR
 
 FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
+NOTHING: frozenset[str] = frozenset()
+UNKNOWN = "unknown"  # what no known effect explains: as likely, before the readings, as any one of them
 
 
 def evidence(
@@ -60,10 +62,6 @@ def evidences(
         less = np.where(signed, (1 - left) * cov[:, i, i], 0.0)
         cov = cov - less[:, None, None] * gain[:, :, None] * gain[:, None, :]
     return found, mean, cov
-
-
-NOTHING: frozenset[str] = frozenset()
-UNKNOWN = "unknown"  # what no known effect explains: as likely, before the readings, as any one of them
 
 
 def log_prior(effects: int, known: int) -> float:

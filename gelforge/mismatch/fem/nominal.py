@@ -39,6 +39,7 @@ IMAGES_LEFT_OUT = (
     "sessions with a camera are judged by their forces alone (mismatch.images: left_out); `fitted` judges their images too,"
     " which takes longer and distinguishes gel stiffness from force gain"
 )
+SLACK_MM = 0.5 * 10.0**-DEPTH_DIGITS
 
 
 def with_known(base: Base, solver: Solver) -> Base:
@@ -130,9 +131,6 @@ def _check_shape(known: Known, offered: Sequence[Shape]) -> None:
     for key, value in known.shape.items():
         if isinstance(value, str) and value not in ways[key]:
             raise ConfigError(f"mismatch.known, {known.effect}: no {key} {value!r}; those tried are {tried}")
-
-
-SLACK_MM = 0.5 * 10.0**-DEPTH_DIGITS
 
 
 def base_where_solved(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:

@@ -45,6 +45,9 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.stored import place_digest, read_stored, slope_digest
 from gelforge.workers import each
 
+SITES = "sites solved"
+OWN_MESH, COARSER_MESH = "the study's mesh", "the coarser mesh (mismatch.coarser)"
+
 
 class SolverFailed(ValueError):
     """A base that could not be solved: there is nothing to compare the readings with. `presses` says where, if known."""
@@ -71,10 +74,6 @@ class Unsolved:
         if np.isfinite(self.beyond_mm):
             return f"{where} beyond {self.beyond_mm:g} mm on {self.mesh}: {self.reason}"
         return f"{where} during unloading from {self.unloading_from_mm:g} mm on {self.mesh}: {self.reason}"
-
-
-SITES = "sites solved"
-OWN_MESH, COARSER_MESH = "the study's mesh", "the coarser mesh (mismatch.coarser)"
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,13 @@ from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
 MOST_MESH_ERROR = 1.5  # factor; beyond it (the unloading's last touch) the ratio says nothing
 Amounts = tuple[Effect, Shape, np.ndarray]
+PART = 0.3  # of the difference to the coarser mesh, root mean square over depths
+CROSS = 0.04  # of the vertical difference, on horizontal forces: near a wall they lean on it
+# Of a sideways force itself, which errs by wall and skin, and that a mesh of twice the sizes does not show: the default mesh
+# is 3 to 4 % off (docs/accuracy.md), FElupe's sideways forces differ by 7 % root mean square from 0.8 mm on, 1 / sqrt(2) of
+# which is the error of each code (python -m validation.checks.between_codes --bases concealed --sizes 0.3 0.6).
+SIDEWAYS = 0.05
+LEAST = 1e-3  # of the largest force: below it the indenter is about to leave
 
 
 @dataclass(frozen=True)
@@ -346,15 +353,6 @@ def _solved(found: list) -> list:
     if reasons := [one for one in found if isinstance(one, str)]:
         raise NotConverged(reasons[0])
     return found
-
-
-PART = 0.3  # of the difference to the coarser mesh, root mean square over depths
-CROSS = 0.04  # of the vertical difference, on horizontal forces: near a wall they lean on it
-# Of a sideways force itself, which errs by wall and skin, and that a mesh of twice the sizes does not show: the default mesh
-# is 3 to 4 % off (docs/accuracy.md), FElupe's sideways forces differ by 7 % root mean square from 0.8 mm on, 1 / sqrt(2) of
-# which is the error of each code (python -m validation.checks.between_codes --bases concealed --sizes 0.3 0.6).
-SIDEWAYS = 0.05
-LEAST = 1e-3  # of the largest force: below it the indenter is about to leave
 
 
 def base_bars(total: np.ndarray, coarse: np.ndarray, sideways: float = SIDEWAYS) -> np.ndarray:

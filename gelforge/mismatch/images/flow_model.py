@@ -41,6 +41,11 @@ from gelforge.recording.imaging.flow import Flow
 from gelforge.virtual_lab.particles import interpolation
 from gelforge.workers import each
 
+LOOKS = 3  # placements in which another look of the particles is drawn: their scatter is a part of a part
+STEP_MM = 0.05  # of depth, over which the flow's slope is taken
+# What the recording does not state of its particles' look is off by as much: blur by half a pixel, diameter by a fifth.
+OTHER_BLUR_PX, OTHER_DIAMETER = 0.5, 1.2
+
 
 @dataclass(frozen=True)
 class Moved:
@@ -133,12 +138,6 @@ def each_moved(
     moved, symmetries = solved_for_all(solver.study, planned, solve)
     width = study.sensor.width_x_mm
     return [one.carried(symmetry, asked or (), width) for one, symmetry in zip(moved, symmetries)]
-
-
-LOOKS = 3  # placements in which another look of the particles is drawn: their scatter is a part of a part
-STEP_MM = 0.05  # of depth, over which the flow's slope is taken
-# What the recording does not state of its particles' look is off by as much: blur by half a pixel, diameter by a fifth.
-OTHER_BLUR_PX, OTHER_DIAMETER = 0.5, 1.2
 
 
 class FlowUnknown(ValueError):

@@ -35,6 +35,8 @@ from gelforge.mismatch.thresholds import (
 )
 from gelforge.progress import stage
 
+ORDER = 2  # of the polynomial
+
 
 @dataclass(frozen=True, eq=False)
 class Fits:
@@ -203,9 +205,6 @@ def _with_fits(
         sets={effects: one for effects, one in sets.items() if effects not in failed},
         evidence={effects: value for effects, value in evidence.items() if effects not in failed},
     )
-
-
-ORDER = 2  # of the polynomial
 
 
 def at_few_sites(problem: Problem) -> Problem:

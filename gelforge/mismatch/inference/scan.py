@@ -22,6 +22,9 @@ from gelforge.mismatch.readings.observations import Observations, SetAside
 
 DRAWS = Mismatch.model_fields["draws"].default  # the p-value of the maximum then moves by 0.0035 at 0.025
 CHUNK = 128  # columns whitened at once: 120 000 entries take 120 MB each time
+SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
+ROOM = 3.0  # plausible sizes of a discrepancy, of every kernel: 30 % of the force each, and no spike
+MOST = 0.004  # of the entries, at least one: what strikes more of them is no glitch
 
 
 @dataclass(frozen=True)
@@ -166,11 +169,6 @@ def residual_tests(
     white = whitened(atoms, covariance, fitted)
     found = scan(covariance.whiten(residual), white, rng, draws, covariance.estimated)
     return ResidualTests(global_test(residual, covariance, fitted), found)
-
-
-SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
-ROOM = 3.0  # plausible sizes of a discrepancy, of every kernel: 30 % of the force each, and no spike
-MOST = 0.004  # of the entries, at least one: what strikes more of them is no glitch
 
 
 def without_spikes(observations: Observations, base: np.ndarray, covariance: Covariance) -> Observations:

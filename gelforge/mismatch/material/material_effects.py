@@ -28,6 +28,24 @@ OTHER_SHAPE = "the unrelaxed constitutive model is of another shape than the loa
 FLOW_STRAINS, FLOW_RATES = (0.02, 0.05, 0.1, 0.2), (1e-2, 1e-4, 1e-6, 1e-8)
 # A stress (n,) at the readings, and what each Maxwell element loses of it (n, k).
 Losing = tuple[np.ndarray, np.ndarray]
+SOFTENINGS = ((0.03, 0.1), (0.1, 0.1), (0.3, 0.1), (0.1, 0.5), (1.0, 0.1))  # (m / largest energy, beta)
+SOFTENING = Parameter(
+    "one_over_r", "1", 0.3, (0.0, 1.0), "r of 1.5 to 5 in filled rubber (Ogden & Roxburgh 1999)"
+)
+AGED = "elastomers lose a third or gain as much with age (ISO 188 limits)"
+SIZE = Parameter("change_over_span", "1", 0.3, (-0.95, 5.0), AGED)
+SHAPE = tuple(
+    Parameter(f"change_of_law_shape_{j + 1}", "1", 0.3, (-2.0, 2.0), AGED) for j in range(len(LEGENDRE))
+)
+LOSS = Parameter(
+    "change_of_relaxation", "1", 0.3, (-1.0, 5.0), "chains cut or linked by age change loss as much as stiffness"
+)  # fmt: skip
+UNSEEN = {
+    "mullins": "no unloading or reloading: softening (mullins) cannot be seen",
+    "ageing": "one date and treatment only: ageing cannot be seen",
+    "temperature": "one temperature only, or none stated: its influence cannot be seen",
+    "viscoelastic": "one rate, no hold and no unloading: rate dependence cannot be seen",
+}
 
 
 def hereditary(
@@ -191,26 +209,6 @@ def relaxation_times(tests: StressTests) -> np.ndarray:
     spans = (loads.max() - loads.min())[loads.size() > 1]
     longest = max(p.time_s[-1] - p.started_s for p in tests.paths)
     return decades(max(float(spans.median()), 1e-6), longest)
-
-
-SOFTENINGS = ((0.03, 0.1), (0.1, 0.1), (0.3, 0.1), (0.1, 0.5), (1.0, 0.1))  # (m / largest energy, beta)
-SOFTENING = Parameter(
-    "one_over_r", "1", 0.3, (0.0, 1.0), "r of 1.5 to 5 in filled rubber (Ogden & Roxburgh 1999)"
-)
-AGED = "elastomers lose a third or gain as much with age (ISO 188 limits)"
-SIZE = Parameter("change_over_span", "1", 0.3, (-0.95, 5.0), AGED)
-SHAPE = tuple(
-    Parameter(f"change_of_law_shape_{j + 1}", "1", 0.3, (-2.0, 2.0), AGED) for j in range(len(LEGENDRE))
-)
-LOSS = Parameter(
-    "change_of_relaxation", "1", 0.3, (-1.0, 5.0), "chains cut or linked by age change loss as much as stiffness"
-)  # fmt: skip
-UNSEEN = {
-    "mullins": "no unloading or reloading: softening (mullins) cannot be seen",
-    "ageing": "one date and treatment only: ageing cannot be seen",
-    "temperature": "one temperature only, or none stated: its influence cannot be seen",
-    "viscoelastic": "one rate, no hold and no unloading: rate dependence cannot be seen",
-}
 
 
 def of_stress(tests: StressTests) -> Readings:

@@ -21,6 +21,21 @@ FORCE_CLASS = 5e-3
 FORM_ERROR = 0.05  # of the mismatch: what a formula with few values misses of what it stands for
 FORM_LENGTH = 0.3  # of a branch, over which that error keeps its sign
 LAW_LENGTH = 0.15  # of the range of strain, over which a law's misfit keeps its sign
+# Of each effect: the experiment on a material that decides.
+DECIDED_BY = {
+    "viscoelastic": "hold at one strain for a hundred times the duration of the loading, and load at a tenth of its rate",
+    "mullins": "load again after a rest as long as ten loadings: damage stays, viscosity has recovered",
+    "ageing": "load three specimens at either date: each one's own stiffness is then distinguished from the date",
+    "temperature": "load one specimen at two temperatures, there and back",
+    "adhesion": "withdraw at a tenth of the speed, and from a tenth of the push",
+    "force_gain": "hang a known weight on the load cell",
+    "force_offset": "read the load cell without load before and after",
+    "force_drift": "read the load cell without load for as long as the test",
+    "force_hysteresis": "load and unload a steel spring",
+    "clock_offset": "tap once and compare the instants",
+}
+MANY_SEGMENTS = 12  # for whole branches to be held out
+BRANCHES = {"load": "loading", "unload": "unloading", "hold": "holds"}
 
 
 class Dense(Covariance):
@@ -52,21 +67,6 @@ class Dense(Covariance):
     @cached_property
     def _root(self) -> np.ndarray:
         return np.linalg.cholesky(self.matrix)
-
-
-# Of each effect: the experiment on a material that decides.
-DECIDED_BY = {
-    "viscoelastic": "hold at one strain for a hundred times the duration of the loading, and load at a tenth of its rate",
-    "mullins": "load again after a rest as long as ten loadings: damage stays, viscosity has recovered",
-    "ageing": "load three specimens at either date: each one's own stiffness is then distinguished from the date",
-    "temperature": "load one specimen at two temperatures, there and back",
-    "adhesion": "withdraw at a tenth of the speed, and from a tenth of the push",
-    "force_gain": "hang a known weight on the load cell",
-    "force_offset": "read the load cell without load before and after",
-    "force_drift": "read the load cell without load for as long as the test",
-    "force_hysteresis": "load and unload a steel spring",
-    "clock_offset": "tap once and compare the instants",
-}
 
 
 @dataclass(frozen=True)
@@ -182,10 +182,6 @@ def alike(column: pd.Series) -> np.ndarray:
 def misfit_covariance(share: np.ndarray, misfit: float) -> np.ndarray:
     """Return the covariance (n, n) of a law's misfit at shares (n,) of its range, which keeps its sign over LAW_LENGTH."""
     return misfit**2 * np.exp(-np.abs(share[:, None] - share) / LAW_LENGTH)
-
-
-MANY_SEGMENTS = 12  # for whole branches to be held out
-BRANCHES = {"load": "loading", "unload": "unloading", "hold": "holds"}
 
 
 def held_pieces(table: pd.DataFrame, rng: np.random.Generator) -> pd.Series:

@@ -38,6 +38,12 @@ MOST_EXPONENT = 60.0  # beyond it the stress follows from mu / alpha alone
 
 # Nominal stress (n,) [MPa] at stretches (n,), and its derivatives by the law's unknowns (n, p).
 Stress = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+KINDS = ("uniaxial", "compression", "pure_shear", "equibiaxial", "simple_shear")  # one stress for one stretch
+MOST_ROWS = 600  # in all; the covariance is dense
+ROWS_OF_BRANCH = (4, 24)  # at least and at most
+ZERO_STRAIN = STRAIN_AT_START  # slack that a test may begin with
+SAMPLES = NEGLIGIBLE, 2  # scatter of samples of one sheet, weighed as so many repeats beside those measured
+BEYOND = 1.1  # of the range that the law was fitted in: what lies farther is not judged
 
 
 @dataclass(frozen=True)
@@ -117,14 +123,6 @@ def _aicc(residual: np.ndarray, worth: float, unknowns: int) -> float:
     q = unknowns + 1
     n = max(worth, q + 2.0)
     return float(n * np.log(max(residual @ residual, 1e-24)) + 2 * q + 2 * q * (q + 1) / (n - q - 1))
-
-
-KINDS = ("uniaxial", "compression", "pure_shear", "equibiaxial", "simple_shear")  # one stress for one stretch
-MOST_ROWS = 600  # in all; the covariance is dense
-ROWS_OF_BRANCH = (4, 24)  # at least and at most
-ZERO_STRAIN = STRAIN_AT_START  # slack that a test may begin with
-SAMPLES = NEGLIGIBLE, 2  # scatter of samples of one sheet, weighed as so many repeats beside those measured
-BEYOND = 1.1  # of the range that the law was fitted in: what lies farther is not judged
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,12 @@ from scipy.interpolate import PchipInterpolator, PPoly
 from gelforge.config import Camera, Study
 from gelforge.mismatch.readings.observations import Observations
 
+FAMILIES = (
+    *("material", "history", "contact", "geometry", "kinematics", "force sensor", "camera", "analyst"),
+    "simplification",
+)
+ON_BOUND = 2e-3  # of a bound, nearer to which a value is on it: fits keep half of that from it (refit.INSIDE)
+
 
 @dataclass(frozen=True)
 class Curves:
@@ -94,11 +100,6 @@ class Context:
         return found
 
 
-FAMILIES = (
-    *("material", "history", "contact", "geometry", "kinematics", "force sensor", "camera", "analyst"),
-    "simplification",
-)
-ON_BOUND = 2e-3  # of a bound, nearer to which a value is on it: fits keep half of that from it (refit.INSIDE)
 Shape = Mapping[str, float | str]  # what is scanned: a place (refits move it between those), a time constant
 
 

@@ -27,6 +27,10 @@ from gelforge.mismatch.summary.findings import NINETY, limits_of
 CLEAR_S = 8.0  # between two indentations: the unloading, to the next position and down to the surface
 WEIGHTS_N = (0.5, 1.0, 2.0, 5.0)  # a usual set (judgement)
 WEIGHT_S = 20.0  # to put a weight on, read and take it off
+DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
+LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)  # as long as a laboratory waits at each place (judgement)
+WAYS_UP = (0.75, 0.5, 0.25)  # of the indentation's depth
+LATER_DAYS = 30.0  # when a silicone that goes on curing has changed (judgement)
 
 
 def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Verdict:
@@ -120,12 +124,6 @@ def _spread(amount: Amount, parameter: Parameter) -> float:
     ends = {*parameter.bounds, 0.0} if parameter.sign else {*parameter.bounds}
     sides = [abs(end - value) for end in (low, high) if end not in ends and low <= value <= high]
     return max(sides) / NINETY if sides else parameter.width
-
-
-DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
-LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)  # as long as a laboratory waits at each place (judgement)
-WAYS_UP = (0.75, 0.5, 0.25)  # of the indentation's depth
-LATER_DAYS = 30.0  # when a silicone that goes on curing has changed (judgement)
 
 
 def planned_observations(

@@ -44,6 +44,10 @@ from gelforge.progress import stage
 from gelforge.recording.imaging.images import reference_path
 from gelforge.recording.readings import Recording
 
+UNMOVED = ("force sensor", "analyst")  # families of effects that do not move the gel
+NUMBER = r"\d+(?:\.\d+)?"
+SOLUTIONS = "solves"  # folder of what is solved on the way, in the verdict's own
+
 
 def patch_of(
     study: Study,
@@ -89,11 +93,6 @@ def differences(before: Mapping, after: Mapping) -> dict[str, Any]:
         else:
             changed[key] = value
     return changed
-
-
-UNMOVED = ("force sensor", "analyst")  # families of effects that do not move the gel
-NUMBER = r"\d+(?:\.\d+)?"
-SOLUTIONS = "solves"  # folder of what is solved on the way, in the verdict's own
 
 
 def judge_folder(

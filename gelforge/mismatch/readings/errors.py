@@ -21,6 +21,9 @@ TOGETHER = (
     " indentations together,"
     " about their drift, which is allowed for"
 )
+BLOCK = 500  # zero rows that are taken at once: they know a standard deviation to 4 %, and a root of their matrix is quick
+# Assumed where neither the session nor repeated indentations say how well zero was found
+CONTACT_POINT_MM = 0.02
 
 
 def reading_noise(
@@ -147,9 +150,6 @@ def _tails(fourths: np.ndarray, expected: np.ndarray, scatter: np.ndarray, free:
     return 1.0 + max(float(excess.mean()), 0.0) / 2
 
 
-BLOCK = 500  # zero rows that are taken at once: they know a standard deviation to 4 %, and a root of their matrix is quick
-
-
 @dataclass(frozen=True, eq=False)
 class Zeros:
     """What zero rows z = offset + trend t + a random walk + noise say: the noise as repeats, and the drift, by axis."""
@@ -241,10 +241,6 @@ def _likeliest(cost, m: np.ndarray) -> float:
         lambda log: cost(np.exp(log)), bounds=(best - width, best + width), method="bounded"
     )
     return float(np.exp(found.x)) if found.fun < cost(0.0) else 0.0
-
-
-# Assumed where neither the session nor repeated indentations say how well zero was found
-CONTACT_POINT_MM = 0.02
 
 
 def depth_scatter(zero: DepthZero, instead_mm: float | None = None) -> tuple[float, float]:

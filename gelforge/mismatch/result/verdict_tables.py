@@ -25,6 +25,7 @@ TEXTS = (
     *("session", "press", "site", "phase", "axis", "held_out"),
     *("quantity", "effect", "parameter", "unit"),
 )
+DIGITS = {LIMITS: "%.3g"}
 
 
 def _of(axes: str, unit: str, *names: str) -> tuple[str, ...]:
@@ -57,7 +58,6 @@ COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     # smallest value that would be detected (empty: none would) and a plausible one [unit]
     LIMITS: (("effect", "parameter", "unit", "amount", "plausible"), ()),
 }
-DIGITS = {LIMITS: "%.3g"}
 
 
 def write_tables(folder: str | Path, tables: Mapping[str, pd.DataFrame | None]) -> dict[str, str]:

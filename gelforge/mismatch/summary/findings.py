@@ -26,6 +26,8 @@ from gelforge.recording.readings import AXES
 
 NEGLIGIBLE = 0.1  # probability of a credible set, below which it is not reported
 NINETY = float(norm.ppf(0.95))
+LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
+PLACES = 3  # patterns of the scan that are reported
 
 
 def own_values(fit: Refitted | Screened, name: str) -> tuple[Candidate, np.ndarray, np.ndarray]:
@@ -112,10 +114,6 @@ def interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
     low, high = parameter.bounds
     low, high = (0.0 if parameter.sign > 0 else low), (0.0 if parameter.sign < 0 else high)
     return tuple(np.clip([a - NINETY * sd, a + NINETY * sd], low, high).tolist())
-
-
-LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
-PLACES = 3  # patterns of the scan that are reported
 
 
 def verdict_of(
