@@ -95,6 +95,12 @@ def test_what_is_left_open_is_usual_for_the_network():
     assert Learning.model_validate(Learning(network="paper", hidden=[9]).model_dump()).hidden == [9]
 
 
+def test_a_study_that_gives_widths_of_layers_means_the_papers_network():
+    assert Learning(hidden=[32, 16], steps=5).network == "paper"
+    assert Learning(input_form="vector").usual.steps == 54_000
+    assert Learning(steps=5).network == "unet"
+
+
 def test_the_guides_example_is_a_network(tmp_path, monkeypatch):
     file = Path(shutil.copy("docs/adding/examples/linear.py", tmp_path))
     monkeypatch.setattr(networks, "__path__", [*networks.__path__, str(tmp_path)])

@@ -3,7 +3,7 @@
 SLOPE_SOURCES = [
     f"mismatch/{name}.py"
     for name in (
-        *("model/solver_effects", "model/places", "terms/body_map"),
+        *("model/solver_effects", "model/places", "evidence/candidates"),
         *("fem/site_slopes", "fem/stored", "fem/solutions", "fem/solver"),
     )
 ]

@@ -105,6 +105,15 @@ class Learning(Section):
         "extra `export`",
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _named_by_its_keys(cls, given):
+        """A study from before networks had names means the article's where it says how wide its layers are."""
+        own = [key for key in cls.model_fields if networks_of(key) == ["paper"]]
+        if isinstance(given, dict) and "network" not in given and any(key in given for key in own):
+            return {"network": "paper", **given}
+        return given
+
     @model_validator(mode="after")
     def _belongs_to_the_network(self) -> Learning:
         for key in sorted(self.model_fields_set):

@@ -30,7 +30,7 @@ def force_saturates(data: SessionData) -> list[Finding]:
 
     Three signs of it: neighbouring readings at the largest value are equal, where others differ by noise; indentations
     read it to the last digit, where sites differ at other depths; or where their force at a smaller depth of the same site,
-    in proportion to depth, is beyond it: a gel's force grows at least so.
+    in proportion to depth, is beyond it: a gel's force grows at least so along the axis that is pressed.
     """
     held = data.readings[data.readings["phase"].isin(["load", "dwell", "shear"])].dropna(subset=RAW)
     held = held[~held.index.isin(data.repeated_rows)]  # of a dead sensor, known as such
@@ -38,17 +38,18 @@ def force_saturates(data: SessionData) -> list[Finding]:
     if held.empty:
         return []
     found: dict[str, Finding] = {}
+    zeros = {name: float(still[name].median()) if len(still) else 0.0 for name in RAW}
+    pressed = max(RAW, key=lambda name: (held[name] - zeros[name]).abs().median())
     for axis, name in enumerate(RAW):
-        step = _step(data.readings[name], float(data.session.force.resolution_N[axis]))
+        step, zero = _step(data.readings[name], float(data.session.force.resolution_N[axis])), zeros[name]
         for extreme in (held[name].min(), held[name].max()):
             top = (held[name] == extreme).to_numpy()
             # readings from ft.csv are means of several samples, whose noise is not that of their steps
             noiseless = data.log is None and _without_noise(held, still, name, top, step)
-            zero = float(still[name].median()) if len(still) else 0.0
             if (
                 noiseless
                 or _without_sites(held, zero, name, top, step)
-                or _short_of_proportion(data, held, zero, name, top, step)
+                or (name == pressed and _short_of_proportion(data, held, zero, name, top, step))
             ):
                 for finding in _findings(data, held, name[:2], extreme, top):
                     found.setdefault(finding.press, finding)
