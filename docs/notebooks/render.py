@@ -8,6 +8,7 @@ runs as a script too. Its page, NAME.md with pictures in NAME_files/, holds code
 import base64
 import io
 import os
+import re
 import resource
 import sys
 import tempfile
@@ -76,7 +77,8 @@ def small(png: bytes) -> bytes:
 
 
 def _without_folder(text: str) -> str:
-    """Return printed text in which a temporary folder's path is `...`."""
+    """Return printed text without the colours of a terminal, in which a temporary folder's path is `...`."""
+    text = re.sub(r"\x1b\[[0-9;]*m", "", text)
     return "\n".join(
         line.replace(word, "..." + word.partition(tempfile.gettempdir())[2].lstrip("/").partition("/")[2])
         for line in text.split("\n")

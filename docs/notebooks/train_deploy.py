@@ -27,7 +27,7 @@ gf.run("gelforge examples", quiet=True)
 gf.run("snakemake results/test/model/model.pt --cores 2 --quiet all --configfile config/test.yaml")
 
 # %%
-loss = pd.read_csv("results/test/model/loss.csv")
+loss = pd.read_csv("results/test/model/loss.csv", usecols=["step", "training", "validation"])
 print(loss.to_string(index=False))
 
 # %% [markdown]
