@@ -106,7 +106,7 @@ FAULTS = tuple(
          "return gap_mm <= tolerance_mm + ROUNDING_MM", "return gap_mm < tolerance_mm",
          "tests/indentation/test_recorded_plan.py -k at_the_tolerance"),
         ("plans from sessions", "gelforge/indentation/paths/places.py",
-         "site[number], named[own] = own, named[own] or named[number]", "pass",
+         "site[number], named[nearest] = nearest, named[nearest] or named[number]", "pass",
          "tests/indentation/test_recorded_plan.py -k one_site_with_all"),
         ("robot's frame", "gelforge/indentation/sensor/stage_frame.py",
          "return np.array([[c, -s], [s, c]]) @ H", "return np.array([[c, s], [-s, c]]) @ H",

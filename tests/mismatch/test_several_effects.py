@@ -88,7 +88,7 @@ def test_what_a_curved_effect_does_is_no_second_effect():
     problem, _ = patterned(patterns, curved, [0.2, 10 / 3 * 0.2**2, 0.0])
     found = judge(problem, SETTINGS, seed=1)
     assert found.state == "identified"
-    assert [group.members for group in found.answer.sure] == [("gel_stiffness",)]
+    assert [group.members for group in found.answer.sure] == [["gel_stiffness"]]
 
 
 def test_what_is_solved_in_order_is_solved_at_the_end_of_a_fit_and_for_the_answer():
