@@ -10,7 +10,7 @@ All data is SYNTHETIC. The other sensor has a gel 12 % stiffer, another mesh, pa
 set, and is pressed by unseen shapes too: a wedge from a file, and edges with --unseen-edges, which
 leaves edges out of the training rows. Prints Markdown tables, medians over seeds: errors of bins and totals before and after
 20 presses of that sensor with its total force measured, and which rows the check of totals marks. Two rows say where errors
-on recordings come from: what is left once forces are scaled by the best gain, and errors on the same indentations simulated.
+on recordings come from: the error once forces are scaled by the best gain, and errors on the same indentations simulated.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ PACKAGE = Path(gelforge.__file__).parent
 
 # A module may import from its own layer and from lower ones. Folders of one layer do not import each other.
 LAYERS = [
-    {"registry", "section"},
+    {"registry", "section", "robust"},
     {"mechanics"},
     {"meshing"},
     {"config", "files", "hdf5", "csv_table", "units", "input_files", "progress", "workers", "shipped"},

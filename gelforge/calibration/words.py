@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 
 from gelforge.calibration.fit import Fit
+from gelforge.mismatch.thresholds import ALIKE
 
 AT_PRIOR = 0.8  # of the prior's standard deviation: above it the presses have said little
-ALIKE = 0.95  # correlation of two parameters that these presses cannot tell apart
 LEAST_P = 0.01  # of noise: below it the study leaves something out
 REMEDIES = {
     frozenset(("modulus", "thickness")): "press near a wall or deeper, or measure the thickness",

@@ -12,6 +12,7 @@ from gelforge.importing.contact import Contact, contact_point
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion, Wait
 from gelforge.importing.streams import Stream, gap_limit_s
+from gelforge.robust import SIGMA_OF_MEDIAN
 
 SMOOTH_S = 0.02  # a period of 50 Hz mains, and the grid of the lags
 NOISE = 6.0  # standard deviations of the smoothed force that are no accident
@@ -133,7 +134,7 @@ def _above_rest(force_s, push) -> tuple[np.ndarray, float]:
     even = np.interp(grid, force_s, uniform_filter1d(push, size, mode="nearest"))
     rest = even - rise(grid, even)  # below rest this is the signal itself
     smooth = uniform_filter1d(push, size, mode="nearest") - np.interp(force_s, grid, rest)
-    noise = 1.4826 * float(np.median(np.abs(np.diff(push)))) / np.sqrt(2 * size)
+    noise = SIGMA_OF_MEDIAN * float(np.median(np.abs(np.diff(push)))) / np.sqrt(2 * size)
     levels = np.diff(np.unique(push[:20000]))
     step = float(levels.min()) if len(levels) else 0.0
     return smooth, max(

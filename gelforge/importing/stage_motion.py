@@ -9,6 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import find_peaks
 
 from gelforge.indentation.paths.places import POSITION_MATCH_MM
+from gelforge.robust import SIGMA_OF_MEDIAN
 
 NOISE_BANDS = 4.0  # of the encoder's noise: a stage within is at rest
 LEAST_BAND_MM = 0.003  # a stage that follows its command holds it to some micrometres (judgement)
@@ -51,7 +52,7 @@ class Excursion:
 def band_mm(travel: np.ndarray) -> float:
     """Return how far the position of a stage at rest may read off its median [mm]: noise from second differences."""
     bends = np.abs(travel[2:] - 2 * travel[1:-1] + travel[:-2])
-    sigma = 1.4826 * float(np.median(bends)) / np.sqrt(6)
+    sigma = SIGMA_OF_MEDIAN * float(np.median(bends)) / np.sqrt(6)
     return max(NOISE_BANDS * sigma, LEAST_BAND_MM)
 
 

@@ -16,6 +16,7 @@ from gelforge.importing.clocks import Match
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion
 from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
+from gelforge.robust import SIGMA_OF_MEDIAN
 
 LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each indentation on its own
 RATE_STEPS = 6  # between which rates are taken
@@ -184,7 +185,7 @@ def clock_law(
         )
     se = float(
         max(
-            1.4826 * np.median(np.abs(lag - law)) / np.sqrt(max(len(lag) - 2, 1)),
+            SIGMA_OF_MEDIAN * np.median(np.abs(lag - law)) / np.sqrt(max(len(lag) - 2, 1)),
             np.sqrt(1 / (1 / sd**2).sum()),
         )
     )
@@ -209,7 +210,7 @@ def _line(at, lag, sd) -> tuple[float, float, float]:
         slope = (w * (at - middle) * lag).sum() / inertia
         offset = np.average(lag, weights=w) - slope * middle
         off = lag - offset - slope * at
-        spread = max(1.4826 * float(np.median(np.abs(off))), 1e-4)
+        spread = max(SIGMA_OF_MEDIAN * float(np.median(np.abs(off))), 1e-4)
         weight = np.minimum(1.0, 2 * spread / np.maximum(np.abs(off), 1e-12))
     few = np.sqrt(len(at) / max(len(at) - 2, 1))  # two of them are the line's own
     weight = 1 / np.maximum(sd, few * spread) ** 2
@@ -222,7 +223,7 @@ def _line(at, lag, sd) -> tuple[float, float, float]:
 
 def _robust_mean(lag, sd) -> float:
     middle = np.median(lag)
-    spread = max(1.4826 * float(np.median(np.abs(lag - middle))), 1e-4)
+    spread = max(SIGMA_OF_MEDIAN * float(np.median(np.abs(lag - middle))), 1e-4)
     good = np.abs(lag - middle) <= 3 * spread
     return float(np.average(lag[good], weights=1 / (sd[good] ** 2 + spread**2)))
 
@@ -231,7 +232,7 @@ def _refuse_jumps(at, lag, law, what: str, key: str, stamps) -> None:
     """Raise ImportingError where the lags of indentations leave their line: a clock was set, or frames or rows were lost."""
     steady = median_filter(lag, 3, mode="nearest")  # one indentation alone that was misread is no jump
     steps, off = np.abs(np.diff(steady)), np.abs(steady - law)
-    limit = max(JUMP_S, JUMP_SPREADS * 1.4826 * float(np.median(np.abs(np.diff(lag)))))
+    limit = max(JUMP_S, JUMP_SPREADS * SIGMA_OF_MEDIAN * float(np.median(np.abs(np.diff(lag)))))
     if max(off.max(), steps.max()) <= limit:
         return
     k = int(steps.argmax())

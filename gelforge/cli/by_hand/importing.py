@@ -61,7 +61,7 @@ def import_command(mapping: Path, out: Path, study: Path | None = None, data: Pa
 
 @contextmanager
 def _appearing(out: Path) -> Iterator[Path]:
-    """Yield a folder of that name in a temporary one beside it; it takes its place when it is whole."""
+    """Yield a folder of that name in a temporary folder next to it, and move it there when it is whole."""
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".import-", dir=out.parent) as temporary:
         folder = Path(temporary) / out.resolve().name

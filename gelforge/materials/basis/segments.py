@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gelforge.materials.basis.common_form import Segment
-from gelforge.materials.basis.statistics import SIGMA_OF_MEDIAN
+from gelforge.robust import SIGMA_OF_MEDIAN
 
 TOLERANCE = 0.01  # of the range of stretch: noise of the strain measurement, not a reversal
 HOLD_RATE = 0.1  # of the typical rate while moving; below it a piece that hardly moves is a hold,

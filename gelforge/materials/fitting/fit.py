@@ -21,13 +21,13 @@ from gelforge.mechanics.laws.family import Family
 from gelforge.mechanics.laws.homogeneous import StressPoints
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models import FAMILIES
+from gelforge.robust import SIGMA_OF_MEDIAN
 
 WEIGHTS = "sum over the kinds of tests of 1 - R2 of the nominal stress: each kind counts the same"
 LEAST_SPREAD = 0.1  # of a test's sum of squares: a short piece of a curve must not count for its flatness
 LOSSES = ("linear", "soft_l1")  # quadratic, or growing only linearly beyond 1.345 robust standard deviations
-ROBUST_SCALE = (
-    1.345 * 1.4826
-)  # of the median absolute residual (Huber 1964: 95 % efficient for normal scatter)
+# of the median absolute residual (Huber 1964: 95 % efficient for normal scatter)
+ROBUST_SCALE = 1.345 * SIGMA_OF_MEDIAN
 WORST_CONDITION = 1e7  # of the Jacobian with columns of length one: half of the digits of double precision
 ROWS_PER_PARAMETER = 3  # fewer rows than that cannot show a misfit
 FEW_ROWS = 12  # in a test: a curve whose shape between the rows is not seen; named in a note

@@ -12,8 +12,9 @@ import numpy as np
 
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import MaterialTest
-from gelforge.materials.basis.statistics import SIGMA_OF_MEDIAN, channel_step, row_noise
+from gelforge.materials.basis.statistics import channel_step, row_noise
 from gelforge.materials.plausibility.rest_force import rest_words
+from gelforge.robust import SIGMA_OF_MEDIAN
 
 SINGLE_SHARE = 0.1  # of the loading's range: load cells err by a hundredth of this, a lost digit by more
 END_SHARE = 0.5  # the same of a first or last row, which has a neighbour on one side only

@@ -16,7 +16,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from gelforge.materials.basis.common_form import IndentationTest
-from gelforge.materials.basis.statistics import SIGMA_OF_MEDIAN, percentile_interval, resampled
+from gelforge.materials.basis.statistics import percentile_interval, resampled
+from gelforge.robust import SIGMA_OF_MEDIAN
 
 # Of an incompressible bonded layer (Dimitriadis et al. 2002, eq. 13).
 COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)

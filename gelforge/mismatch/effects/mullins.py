@@ -16,7 +16,7 @@ from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
 # m over the largest energy density: a loss at the slightest return, and one in proportion
 SCALES = (0.1, 1.0)
-BETA = 0.1  # of the peak, beside m: how early a return loses stress (judgement)
+BETA = 0.1  # of the peak, added to m: how early a return loses stress (judgement)
 LARGEST = 0.95  # share of the stress
 WIDER = 0.1  # of the height: how far the energy reaches beyond the contact (validation/checks/softening_formula.py)
 RINGS, SPOKES = 6, 8  # of points about an indentation

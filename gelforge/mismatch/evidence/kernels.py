@@ -36,7 +36,7 @@ from gelforge.mismatch.model.effect import Context, Effect
 from gelforge.mismatch.thresholds import PLAUSIBLE, SCALES, TEMPERING
 
 AXES = "xyz"
-# Cosines along each coordinate; beside: over depth, beside those of place, path or indentation
+# Cosines along each coordinate; beside: over depth, with those of place, path or indentation
 MODES = {"depth": 6, "beside": 3, "place": 4, "time": 8, "path": 3}
 # Axes of the force; None: all in proportion
 DIRECTIONS = {
@@ -140,7 +140,7 @@ class Weighed:
 
 
 def weighed_unknown(problem: Problem, kernels: Sequence[Kernel], judged: Screened | None = None) -> Weighed:
-    """Return how much likelier all readings are with a discrepancy beside what was judged, or alone.
+    """Return how much likelier all readings are with a discrepancy added to what was judged, or alone.
 
     The values of what was judged stay free, to first order about those found.
     """

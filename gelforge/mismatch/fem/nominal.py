@@ -1,4 +1,4 @@
-"""The nominal model of a recording, and the problem that its readings pose beside it.
+"""The nominal model of a recording, and the problem that it poses with the readings.
 
 What a study takes as known of force sensor, clock, camera or indentations (mismatch.known) becomes part of the base.
 Readings of indentations that find no equilibrium are left out and reported, the others are judged.

@@ -358,7 +358,7 @@ def _solved(found: list) -> list:
 def base_bars(total: np.ndarray, coarse: np.ndarray, sideways: float = SIDEWAYS) -> np.ndarray:
     """Return the error bars (D, 3) [N] of forces (D, 3) of a loading by those on a coarser mesh; sideways: a share of them.
 
-    Where the indenter has all but left the gel there is nothing to be a share of: the difference itself stands beside it.
+    Where the indenter has all but left the gel there is nothing to be a share of: the difference itself is given.
     """
     size = np.linalg.norm(total, axis=1, keepdims=True)
     difference = total - coarse

@@ -39,12 +39,12 @@ class Modelled:
     held: HeldOut  # what was held out, over the fitted effects alone
     fit: (
         Refitted | None
-    )  # the fitted effects with their values beside this change, by all readings; None: alone
+    )  # the fitted effects with their values next to this change, by all readings; None: alone
     probability: float  # of its cause, by all readings
 
     @property
     def beside(self) -> bool:
-        """Return whether it stands beside fitted effects; else alone."""
+        """Return whether it acts with fitted effects; else alone."""
         return self.fit is not None
 
     @property

@@ -5,7 +5,7 @@ or less, a body changes than in proportion depends on the depth far more than on
 pressing and one for sideways forces, carries it from the few sites to all.
 
 A strong defect is put where the finite elements fit it best, before sets of effects are weighed. Places are tried on a grid;
-what a strong defect between them leaves is larger than many an effect, and would call for two or three others beside it.
+what a strong defect between them leaves is larger than many an effect, and would call for two or three others.
 """
 
 from __future__ import annotations

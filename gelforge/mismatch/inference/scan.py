@@ -1,6 +1,6 @@
 """Is there a mismatch, and where: a global test, and a scan over places, depths, times and axes that pays for looking.
 
-Before either is asked, single readings that nothing beside them shares are left out: glitches of a force sensor. No effect
+Before either is asked, single readings whose error no neighbour shares are left out: glitches of a force sensor. No effect
 changes one reading of one indentation by many standard deviations and leaves its neighbours in depth, time and place as they
 are. One such reading is evidence for something that differs from one indentation to the next, though, and would be reported
 as that.

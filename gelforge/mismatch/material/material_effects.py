@@ -187,7 +187,7 @@ def _choices(
     times: np.ndarray, flows: Sequence[Shape]
 ) -> Iterator[tuple[tuple[Parameter, ...], np.ndarray, Shape]]:
     """Yield values, which elements they are of (k + f, q), and shape: one element, all decades alike (stress falls with the
-    logarithm of time), a free spectrum, one element of flow, alone or beside all decades.
+    logarithm of time), a free spectrum, one element of flow, alone or with all decades.
     """
     k, unit = len(times), np.eye(len(times) + len(flows))
     decades = unit[:, :k].sum(axis=1)

@@ -1,4 +1,4 @@
-"""Rows of material tests beside a nominal model, reduced, with every error that is no missing physics; what is held out."""
+"""Rows of material tests with a nominal model, reduced, with every error that is no missing physics; what is held out."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Curves:
 
 @dataclass(frozen=True)
 class Context:
-    """The base beside the readings.
+    """The nominal model with the readings.
 
     derivatives: by "effect" or "effect.parameter", d force / d amount (N per unit) of effects that the solver knows.
     """

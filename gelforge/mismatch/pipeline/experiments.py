@@ -27,7 +27,7 @@ from gelforge.mismatch.summary.findings import NINETY, limits_of
 CLEAR_S = 8.0  # between two indentations: the unloading, to the next position and down to the surface
 WEIGHTS_N = (0.5, 1.0, 2.0, 5.0)  # a usual set (judgement)
 WEIGHT_S = 20.0  # to put a weight on, read and take it off
-DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings beside the images
+DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings at the time of the images
 LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)  # as long as a laboratory waits at each place (judgement)
 WAYS_UP = (0.75, 0.5, 0.25)  # of the indentation's depth
 LATER_DAYS = 30.0  # when a silicone that goes on curing has changed (judgement)
@@ -178,7 +178,7 @@ def planned_problem(solver: Solver) -> Problem:
 
 
 def limits_table(problem: Problem) -> pd.DataFrame:
-    """Return per effect and parameter the smallest value that planned readings would show, beside a plausible one."""
+    """Return per effect and parameter the smallest value that planned readings would show, next to a plausible one."""
     rows = [
         (one.effect, one.parameter, one.unit, one.amount or np.inf, one.plausible, one.seen)
         for one in limits_of(problem)
@@ -190,7 +190,7 @@ def limits_table(problem: Problem) -> pd.DataFrame:
 def visibility_table(solver: Solver) -> pd.DataFrame:
     """Return for each experiment its cost, how many values of effects it would show if plausible, and which ones newly.
 
-    Newly: beside the first, the same plan again.
+    Newly: the same plan again, added to the first.
     """
     rows, first = [], None
     for name, observations in variants_of(solver.study).items():

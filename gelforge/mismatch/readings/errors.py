@@ -37,7 +37,7 @@ def reading_noise(
     of the scatter. How well: the repeats' degrees of freedom (inf where the deviation is stated), and the variance of
     their squares over that of normal ones. zeros: repeats of all indentations together, where single indentations have too
     few (zeros_together). The step is that of the recorded numbers; where they show none it is the stated resolution, or
-    nothing beside a stated repeatability, which holds it.
+    nothing in addition to a stated repeatability, which holds it.
     """
     readings, session = recording.readings, recording.session
     resolution, axes = (np.array(v, dtype=float) for v in (session.force.resolution_N, session.force.axes))
@@ -268,15 +268,15 @@ def with_contact_point(found: Observations) -> Observations:
     press, session = found.press_depth_mm, found.session_depth_mm
     lone, shared = np.isnan(press), np.isnan(session)
     scatter = _repeated_contact_points(found, press != 0) if lone.any() else None
-    beside = session > 0  # with a contact point that is stated, nothing is assumed of indentations
-    filled = np.where(beside, 0.0, CONTACT_POINT_MM) if scatter is None else scatter
+    stated = session > 0  # with a contact point that is stated, nothing is assumed of indentations
+    filled = np.where(stated, 0.0, CONTACT_POINT_MM) if scatter is None else scatter
     said, unseen = [], lone & (scatter is None)
-    if shared.any() or (unseen & ~beside).any():
+    if shared.any() or (unseen & ~stated).any():
         said.append(
-            f"how well the contact point was found is not stated ({_keys(unseen & ~beside, shared)}):"
+            f"how well the contact point was found is not stated ({_keys(unseen & ~stated, shared)}):"
             f" {CONTACT_POINT_MM} mm is assumed"
         )
-    if (unseen & beside).any():
+    if (unseen & stated).any():
         said.append(
             "the stage's repeatability is not stated (depth_zero.press_scatter_mm) and too few indentations are repeated to"
             " show it: indentations are taken to have no depth error of their own"

@@ -51,7 +51,7 @@ def group_entries(judgement: Judgement) -> list[form.Group]:
 def effect_entries(problem: Problem, judgement: Judgement) -> list[form.NamedEffect]:
     """Return every effect that the readings can show: those of the answer first, then the most probable.
 
-    What may stand in place of an effect of the answer has the values that it has beside the others of the answer.
+    What may stand in place of an effect of the answer has the values that it has with the others of the answer.
     """
     answer, posterior = judgement.answer, judgement.posterior
     groups = () if answer is None else answer.groups

@@ -13,6 +13,7 @@ from gelforge.config import Camera
 from gelforge.recording.imaging.flow import ImageError, read_grey
 from gelforge.recording.imaging.image_measures import measured, pixel_digest, sample
 from gelforge.recording.imaging.images import reference_path
+from gelforge.robust import SIGMA_OF_MEDIAN
 
 LEAST_TEXTURE = 0.1  # of the reference's textured pixels; black, white and badly blurred images show none
 LEAST_LIGHT = 0.1  # of the reference frame's mean grey level
@@ -65,7 +66,7 @@ class ImageSeries:
         flow = self.before["flow_px"]
         if flow.empty:
             return 0.0, LEAST_SPREAD_PX
-        spread = 1.4826 * (flow - flow.median()).abs().median()
+        spread = SIGMA_OF_MEDIAN * (flow - flow.median()).abs().median()
         return float(flow.median()), float(max(spread, LEAST_SPREAD_PX))
 
     @cached_property

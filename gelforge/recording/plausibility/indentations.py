@@ -10,8 +10,8 @@ from scipy.stats import theilslopes
 
 from gelforge.indentation.paths.places import DEPTH_MATCH_MM, POSITION_MATCH_MM, visited, within
 from gelforge.recording.plausibility.streams import FORCE
+from gelforge.robust import SIGMA_OF_MEDIAN
 
-NORMAL_MAD = 1.4826  # standard deviation of a normal variable over its median absolute deviation
 # of force over depth: a flat punch has 1, a ball on a thick gel 1.5, on a thin one 2 and more
 EXPONENTS = 0.8, 2.5
 STEP_FLOORS, LEAST_FLOORS, ISOLATED = 15.0, 8.0, 3.0  # see isolated_floors
@@ -68,7 +68,7 @@ def scatter_N(readings: pd.DataFrame, names: list[str]) -> np.ndarray:
     same = (readings["press"] == readings["press"].shift()) & (readings["phase"] == readings["phase"].shift())
     still = same & readings["phase"].isin(["zero", "dwell"])
     steps = readings[names].diff()[still].abs().dropna()
-    return NORMAL_MAD * steps.median().fillna(0.0).to_numpy() / np.sqrt(2)
+    return SIGMA_OF_MEDIAN * steps.median().fillna(0.0).to_numpy() / np.sqrt(2)
 
 
 def floor_N(readings: pd.DataFrame, resolution_N, repeatability_N) -> np.ndarray:

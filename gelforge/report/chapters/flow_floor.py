@@ -18,6 +18,7 @@ from gelforge.report.figures.style import (
     new_figure,
     styled,
 )
+from gelforge.robust import SIGMA_OF_MEDIAN
 
 LEAST_PX = 1e-3  # drawn at least: images without noise have no false flow
 
@@ -40,7 +41,7 @@ def false_flow_px(table: pd.DataFrame) -> tuple[float, float]:
     An image that is the reference frame itself has none and does not count.
     """
     flow = table["flow_px"][(table["depth_mm"] == 0) & (table["flow_px"] > 0)]
-    return float(flow.median()), float(1.4826 * (flow - flow.median()).abs().median())
+    return float(flow.median()), float(SIGMA_OF_MEDIAN * (flow - flow.median()).abs().median())
 
 
 def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:

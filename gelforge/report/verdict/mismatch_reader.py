@@ -50,7 +50,7 @@ class JudgedReadings:
 
     @cached_property
     def strongest_axis(self) -> str:
-        """Return the axis whose residual before is largest beside its noise."""
+        """Return the axis whose residual before is largest relative to its noise."""
         size = self.readings[f"before{SIGMA}"] ** 2
         return str(size.groupby(self.readings["axis"]).sum().idxmax())
 
@@ -141,5 +141,5 @@ class MismatchResults(JudgedReadings):
 
     @cached_property
     def strongest_axis(self) -> str:
-        """Return the axis whose residual before is largest beside its noise; z where nothing was found on any."""
+        """Return the axis whose residual before is largest relative to its noise; z where nothing was found on any."""
         return "z" if self.verdict.state == "consistent" and "z" in self.axes else super().strongest_axis
