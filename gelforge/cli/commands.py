@@ -240,7 +240,7 @@ COMMANDS = {
         "model.build.model",
         "a model for a shipped sensor, trained on simulated images alone (SYNTHETIC)",
         need("--sensor", "name of a shipped sensor, such as gelsight_mini"),
-        need("--out", "folder to work in", Path, metavar="FOLDER"),
+        arg("--out", "folder to work in; SENSOR_model if not given", Path, metavar="FOLDER"),
         arg("--cores", "processor cores to use", int, default=2),
     ),
     "export": command(  # whose arguments are left out where `dataset` follows

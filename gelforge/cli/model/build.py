@@ -15,11 +15,12 @@ from gelforge.shipped import EXAMPLES
 MODELS = Path("config/models")  # one study for each sensor that has one
 
 
-def model(sensor: str, out: Path, cores: int) -> None:
+def model(sensor: str, out: Path | None, cores: int) -> None:
     """Build the model of a shipped sensor in a folder, or go on with what is there, and say what to run next."""
     from gelforge.cli.study.unlock import unlock
 
     study = model_study(sensor)
+    out = out or Path(f"{sensor}_model")
     out.mkdir(parents=True, exist_ok=True)
     with chdir(out):
         unlock()
