@@ -13,6 +13,8 @@ from typing import Any
 
 from gelforge.cli.arguments import parser
 from gelforge.config import schema
+from gelforge.config.foreign.importing import ImportMapping
+from gelforge.config.foreign.named_images import NamesMapping
 from gelforge.config.sessions.session import Session
 from gelforge.dataset.schema import COLUMNS as SHARD
 from gelforge.dataset.session_labels import PRESS_DATASETS
@@ -82,13 +84,15 @@ def sections(title: str, whole: dict[str, Any], known: set[str]) -> Iterator[str
 
 
 def configuration() -> str:
-    """Return the page of the keys of a study and of a session."""
+    """Return the page of the keys of a study, of a session and of the mappings that `gelforge import` reads."""
     known: set[str] = set()
     head = "# Configuration\n\n" + MARK.format("the sections of `gelforge.config`")
     head += "A name under *values* is a section with its own table. An unknown key is an error.\n"
     study = sections("A study: `config/NAME.yaml`", schema(), known)
     session = sections("A session: `session.yaml`", Session.model_json_schema(), known)
-    return head + "".join(study) + "".join(session)
+    logs = sections("A mapping of raw logs: `logs.yaml`", ImportMapping.model_json_schema(), known)
+    images = sections("A mapping of a folder of images", NamesMapping.model_json_schema(), known)
+    return head + "".join((*study, *session, *logs, *images))
 
 
 def commands() -> str:
