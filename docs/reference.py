@@ -11,11 +11,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from gelforge.calibration.parameters import KINDS
 from gelforge.cli.arguments import parser
 from gelforge.config import schema
 from gelforge.config.foreign.importing import ImportMapping
 from gelforge.config.foreign.named_images import NamesMapping
 from gelforge.config.sessions.session import Session
+from gelforge.dataset.exports import NAMES as FORMATS
+from gelforge.dataset.exports import format_of
 from gelforge.dataset.schema import COLUMNS as SHARD
 from gelforge.dataset.session_labels import PRESS_DATASETS
 from gelforge.files import write_text
@@ -108,7 +111,32 @@ def commands() -> str:
                 takes = "" if action.nargs == 0 or not action.option_strings else f" {value_of(action)}"
                 parts.append(f"{head}| `{words}{takes}` | {cell((action.help or '') % vars(action))} |\n")
                 head = ""
+        if name in DETAILS:
+            parts.append(DETAILS[name]())
     return "".join(parts)
+
+
+def free_parameters() -> str:
+    """Return the parameters that can be calibrated as a table."""
+    rows = []
+    for name, kind in KINDS.items():
+        prior = "none: state one"
+        if kind.factor:
+            prior = f"within a factor of {kind.factor:g} of the study's value"
+        elif kind.width:
+            prior = f"the study's value ± {kind.width:g}"
+        of_layer = "LAYER." if kind.per_layer else ""
+        rows.append(f"| `{of_layer}{name}` | {cell(kind.words)} [{kind.unit}] | {prior} |\n")
+    return "\n| parameter | meaning | prior if none is given, 90 % |\n|:--|:--|:--|\n" + "".join(rows)
+
+
+def formats() -> str:
+    """Return the formats of exported datasets as a table."""
+    rows = (f"| `{name}` | {cell(format_of(name).words)} |\n" for name in FORMATS)
+    return "\n| format | content and reader |\n|:--|:--|\n" + "".join(rows)
+
+
+DETAILS = {"calibrate": free_parameters, "export dataset": formats}
 
 
 def value_of(action: argparse.Action) -> str:
