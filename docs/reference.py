@@ -221,7 +221,7 @@ def verification() -> str:
     return (
         head
         + "[Verification](../verification.md) explains them. An error is relative where the reference is not zero.\n\n"
-        + "| quantity | reference | value | found | error | limit |\n|:--|:--|--:|--:|--:|--:|\n"
+        + "| quantity | reference | value | computed | error | limit |\n|:--|:--|--:|--:|--:|--:|\n"
         + "".join(rows)
     )
 
