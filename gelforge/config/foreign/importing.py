@@ -81,7 +81,10 @@ class Stamped(Section):
     """When the rows or frames of one source were taken."""
 
     time: Stamp | None = Field(None, description="column of time stamps")
-    rate_hz: Positive | None = Field(None, description="in place of stamps: rate of evenly spaced rows or frames, of which none is lost [1/s]")
+    rate_hz: Positive | None = Field(
+        None,
+        description="in place of stamps: rate of rows or frames, if none is lost [1/s]",
+    )
     even: bool = Field(
         False, description="evenly spaced; the stamps are replaced by the straight line through them"
     )
@@ -259,16 +262,16 @@ class ImportMapping(Section):
     describes: str = Field(description="whose logs these are, in words")
     force: ForceSource = Field(description="log of the force/torque sensor")
     stage: StageSource = Field(description="log of the stage or robot; its clock is that of the session")
-    camera: CameraSource | None = Field(None, description="video, images of a bag, or folder of frames; null: none")
+    camera: CameraSource | None = Field(
+        None, description="video, images of a bag, or folder of frames; null: none"
+    )
     depth_zero: Literal["session", "press"] | Surface = Field(
         description="session: the median contact point; press: the contact point of each indentation; at_mm: a known one"
     )
     session: dict[str, Any] = Field(
         description="keys of session.yaml: sensor, indenter, stage_to_sensor, camera, ...; force.acts_on is required"
     )
-    skip: list[int] = Field(
-        [], description="indentations to leave out, by their number in import.png"
-    )
+    skip: list[int] = Field([], description="indentations to leave out, by their number in import.png")
     incomplete: Literal["refuse", "drop"] = Field(
         "refuse", description="what happens to indentations that the begin or end of a log cuts"
     )

@@ -81,6 +81,6 @@ def _write_press(group: h5py.Group, source: Source, press: Press) -> None:
 
 EXPORT = Export(
     "robomimic",
-    "`demonstrations.hdf5`: a demonstration per indentation, `mask/train`, `mask/valid`, `mask/test`; robomimic, any HDF5 reader",
+    "`demonstrations.hdf5`: a demonstration per indentation, `mask/train`, `mask/valid`, `mask/test`; any HDF5 reader",
     write,
 )
