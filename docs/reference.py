@@ -11,9 +11,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from gelforge.calibration.parameters import KINDS
 from gelforge.cli.arguments import parser
 from gelforge.config import schema
+from gelforge.config.foreign.importing import ImportMapping
+from gelforge.config.foreign.named_images import NamesMapping
 from gelforge.config.sessions.session import Session
+from gelforge.dataset.exports import NAMES as FORMATS
+from gelforge.dataset.exports import format_of
 from gelforge.dataset.schema import COLUMNS as SHARD
 from gelforge.dataset.session_labels import PRESS_DATASETS
 from gelforge.files import write_text
@@ -82,13 +87,15 @@ def sections(title: str, whole: dict[str, Any], known: set[str]) -> Iterator[str
 
 
 def configuration() -> str:
-    """Return the page of the keys of a study and of a session."""
+    """Return the page of the keys of a study, of a session and of the mappings that `gelforge import` reads."""
     known: set[str] = set()
     head = "# Configuration\n\n" + MARK.format("the sections of `gelforge.config`")
     head += "A name under *values* is a section with its own table. An unknown key is an error.\n"
     study = sections("A study: `config/NAME.yaml`", schema(), known)
     session = sections("A session: `session.yaml`", Session.model_json_schema(), known)
-    return head + "".join(study) + "".join(session)
+    logs = sections("A mapping of raw logs: `logs.yaml`", ImportMapping.model_json_schema(), known)
+    images = sections("A mapping of a folder of images", NamesMapping.model_json_schema(), known)
+    return head + "".join((*study, *session, *logs, *images))
 
 
 def commands() -> str:
@@ -104,7 +111,32 @@ def commands() -> str:
                 takes = "" if action.nargs == 0 or not action.option_strings else f" {value_of(action)}"
                 parts.append(f"{head}| `{words}{takes}` | {cell((action.help or '') % vars(action))} |\n")
                 head = ""
+        if name in DETAILS:
+            parts.append(DETAILS[name]())
     return "".join(parts)
+
+
+def free_parameters() -> str:
+    """Return the parameters that can be calibrated as a table."""
+    rows = []
+    for name, kind in KINDS.items():
+        prior = "none: state one"
+        if kind.factor:
+            prior = f"within a factor of {kind.factor:g} of the study's value"
+        elif kind.width:
+            prior = f"the study's value ± {kind.width:g}"
+        of_layer = "LAYER." if kind.per_layer else ""
+        rows.append(f"| `{of_layer}{name}` | {cell(kind.words)} [{kind.unit}] | {prior} |\n")
+    return "\n| parameter | meaning | prior if none is given, 90 % |\n|:--|:--|:--|\n" + "".join(rows)
+
+
+def formats() -> str:
+    """Return the formats of exported datasets as a table."""
+    rows = (f"| `{name}` | {cell(format_of(name).words)} |\n" for name in FORMATS)
+    return "\n| format | content and reader |\n|:--|:--|\n" + "".join(rows)
+
+
+DETAILS = {"calibrate": free_parameters, "export dataset": formats}
 
 
 def value_of(action: argparse.Action) -> str:
@@ -189,7 +221,7 @@ def verification() -> str:
     return (
         head
         + "[Verification](../verification.md) explains them. An error is relative where the reference is not zero.\n\n"
-        + "| quantity | reference | value | found | error | limit |\n|:--|:--|--:|--:|--:|--:|\n"
+        + "| quantity | reference | value | computed | error | limit |\n|:--|:--|--:|--:|--:|--:|\n"
         + "".join(rows)
     )
 

@@ -2,7 +2,7 @@
 # # First dataset in ten minutes
 #
 # One indentation in Python, a small study whose labels the workflow solves, and its rows in PyTorch. Nothing is recorded or trained.
-# The mesh is coarse, so that the page runs in about a minute; the error bars say so.
+# The mesh is coarse, so that the page runs in about a minute; error bars are large.
 
 # %%
 import os
@@ -20,7 +20,7 @@ os.chdir(tempfile.mkdtemp())  # a folder of its own; take one of yours to keep t
 # %% [markdown]
 # ## One indentation
 #
-# A ball of 4 mm radius on a block of soft silicone. Units are mm and N. Forces act on the sensor, so an indentation has negative Fz.
+# A ball of 4 mm radius on a block of soft silicone. Forces act on the sensor: Fz is negative.
 
 # %%
 sensor = {
@@ -43,7 +43,7 @@ for depth, force, sigma in zip(answer.depth_mm, answer.total_force_N[:, 2], answ
     print(f"{depth:.2f} mm: Fz = {force:.3f} N, error bar {sigma:.3f} N")
 
 # %% [markdown]
-# The label is the force on each bin of the surface. The bins add up to the total.
+# The label is the force on each bin of the surface; the bins add up to the total.
 
 # %%
 bins = answer.bin_force_N[-1].reshape(8, 8, 3)  # ny, nx, vector
@@ -64,7 +64,7 @@ for axis, component, name in zip(axes, np.moveaxis(bins, -1, 0), ("Fx", "Fy", "F
 # %% [markdown]
 # ## A study
 #
-# The same sensor as a file, with a grid of positions. `gelforge init` writes the folder; a short study replaces the one in it.
+# The same sensor as a file, with a grid of positions. `gelforge init` writes the folder; a short study replaces its study.
 
 # %%
 gf.run("gelforge init mine", quiet=True)

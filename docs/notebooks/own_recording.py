@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Own recording
 #
-# Raw logs of a force sensor and a stage become a session. A few lines write the logs here (SYNTHETIC), with two clocks that differ; with yours, begin at the mapping.
+# Raw logs of a force sensor and a stage become a session. A few lines write the logs here (SYNTHETIC), with two clocks; with yours, begin at the mapping.
 # A camera is one line more ([Raw logs to a session](../importing.md)).
 
 # %%
@@ -20,7 +20,7 @@ os.chdir(tempfile.mkdtemp())  # a folder of its own; take one of yours to keep t
 # %% [markdown]
 # ## Logs as a laboratory leaves them
 #
-# A stage presses eight times; its z falls while it presses, and it touches the gel at 31.37 mm. The force sensor has an offset, and its clock is 0.43 s late.
+# A stage presses eight times; its z falls, with contact at 31.37 mm. The force sensor has an offset, and its clock is 0.43 s late.
 
 # %%
 rng = np.random.default_rng(1)
@@ -65,7 +65,7 @@ print(log.head(3).to_string(index=False))
 # %% [markdown]
 # ## The mapping
 #
-# It says what the logs do not say themselves. What cannot be decided is an error that names the key that settles it.
+# It says what the logs do not say. Errors name a missing key.
 
 # %%
 Path("logs.yaml").write_text("""\
@@ -87,7 +87,7 @@ gf.run("gelforge import logs.yaml --out monday")
 # %% [markdown]
 # ## The page
 #
-# Look at it: signals with the indentations marked, the lag, and force over depth about each contact point.
+# Check it: signals with the indentations marked, the lag, and force over depth about each contact point.
 
 # %%
 picture = plt.imread(next(Path(".").rglob("import.png")))
@@ -96,9 +96,9 @@ plt.imshow(picture)
 plt.axis("off")
 
 # %% [markdown]
-# ## What was found
+# ## Contact points and lag
 #
-# Contact point and interval of each indentation, on the stage's axis; `session.yaml` has the lag. The true values are 31.37 mm and 0.43 s.
+# Contact points with intervals are on the stage's axis; `session.yaml` has the lag. True are 31.37 mm and 0.43 s.
 
 # %%
 found = pd.read_csv("monday/import.csv")
@@ -107,7 +107,7 @@ print(found.iloc[:, :8].to_string(index=False))
 # %% [markdown]
 # ## Next to a simulation
 #
-# The readings of the session and the forces on a block of silicone. Nobody fitted one to the other;
+# Readings of the session and forces on a block of silicone, not fitted to each other.
 # [What is missing in my simulation](missing_physics.md) explains such differences.
 
 # %%

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Own sensor
 #
-# Fit a constitutive model to material tests, describe a sensor of two layers, look at it, press it, and ask for derivatives.
-# The tests are those of the demo and SYNTHETIC; put yours in their place. Mesh and bootstrap are small, to be quick.
+# Fit a constitutive model to material tests, describe a sensor of two layers, draw it, press it, and compute derivatives.
+# The tests are those of the demo and SYNTHETIC. Mesh and bootstrap are small, to be quick.
 
 # %%
 import os
@@ -26,7 +26,7 @@ def show(picture, width=9):
 # %% [markdown]
 # ## Fit a constitutive model
 #
-# A folder of tests has one CSV per specimen and `samples.csv`. Files of other machines need a mapping (`config/mappings` has ten). The better of two models is used.
+# A folder of tests has one CSV per specimen and `samples.csv`. Files of other machines need a mapping (`config/mappings`). The better of two models is used.
 
 # %%
 gf.run("gelforge examples", quiet=True)  # the demo's tests
@@ -82,7 +82,7 @@ gf.run(
 # %% [markdown]
 # ## Derivatives
 #
-# They say how the force follows each assumption. All of them cost about as much as a few more depths.
+# Derivatives of the force by each assumption cost about as much as a few more depths.
 
 # %%
 answer = gf.press(

@@ -2,7 +2,7 @@
 # # A sensor from STL
 #
 # A fingertip from a surface file, pressed by an indenter from another file, then moved sideways. Here a few lines write the files; yours come from a CAD program.
-# A surface must be closed. Millimetres are assumed; `mm_per_unit` says otherwise.
+# A surface must be closed, in millimetres unless `mm_per_unit` is given.
 
 # %%
 import os
@@ -103,7 +103,7 @@ for axis, values, title in (
     fig.colorbar(dots, ax=axis)
 
 # %% [markdown]
-# The mesh is coarse; the standard deviation of the total says how much that matters.
+# The standard deviation of the total shows the error of the coarse mesh.
 
 # %%
 print("error bar of the last state [N]:", answer.total_sigma_N[-1].round(3))

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Train and deploy
 #
-# From nothing to a network, its ONNX file, and forces of images without PyTorch. The recordings are SYNTHETIC, the mesh is coarse, 9 positions are pressed, training takes five steps.
-# The steps are those of a real study, but **the forces mean nothing**. What a real one reaches: [The network](../learning.md).
+# A network, its ONNX file, and forces of images without PyTorch. The recordings are SYNTHETIC, the mesh is coarse, 9 positions are pressed, training takes five steps.
+# So **the forces mean nothing**; [The network](../learning.md) has the errors of a study.
 
 # %%
 import os
@@ -42,7 +42,7 @@ print(f"model.onnx: {Path('model.onnx').stat().st_size / 1e6:.1f} MB")
 # %% [markdown]
 # ## Forces of images
 #
-# A folder, a video or a camera's number; `--reference` is the image without contact. ONNX Runtime computes, without PyTorch.
+# The source is a folder, a video or a camera's number; `--reference` is the image without contact.
 
 # %%
 session = Path("data/test/recordings/evening")

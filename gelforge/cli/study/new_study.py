@@ -129,7 +129,7 @@ base_parameters: from_fit
 
 
 LOGS = """\
-# Raw logs of one session, named from this file's folder. docs/importing.md has every key, and the formulas of the frames.
+# Raw logs of one session, named from this file's folder. Every key: docs/configuration.md; frames: docs/importing.md.
 #   gelforge import data/{study}/logs.yaml --out data/{study}/recordings/monday --study {study}
 describes: force sensor, robot and camera # in words
 force:

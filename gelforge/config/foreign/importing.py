@@ -42,7 +42,7 @@ class Stamp(Section):
     format: str | None = Field(
         None,
         min_length=1,
-        description="how date and time are written, as strptime has it: '%m/%d/%Y %I:%M:%S.%f %p'",
+        description="format of date and time for strptime: '%m/%d/%Y %I:%M:%S.%f %p'",
     )
 
     @model_validator(mode="after")
@@ -81,9 +81,12 @@ class Stamped(Section):
     """When the rows or frames of one source were taken."""
 
     time: Stamp | None = Field(None, description="column of time stamps")
-    rate_hz: Positive | None = Field(None, description="in place of stamps: taken evenly at this rate [1/s]")
+    rate_hz: Positive | None = Field(
+        None,
+        description="in place of stamps: rate of rows or frames, if none is lost [1/s]",
+    )
     even: bool = Field(
-        False, description="taken evenly; the stamps are replaced by the straight line through them"
+        False, description="evenly spaced; the stamps are replaced by the straight line through them"
     )
 
     @model_validator(mode="after")
@@ -109,10 +112,11 @@ class Clock(Stamped):
 
     lag_s: float | None = Field(
         None,
-        description="how much later this clock shows the same moment than the stage's; null: found by correlation [s]",
+        description="delay of this clock relative to the stage's; null: estimated by correlation [s]",
     )
     drift: bool = Field(
-        False, description="this clock gains or loses in proportion to time; the rate is found"
+        False,
+        description="the rate of this clock is estimated too; false: a drift of more than 6 ms is refused",
     )
 
     @model_validator(mode="after")
@@ -134,7 +138,7 @@ class ForceSource(Rowed, Clock):
     unit: str = Field(description="unit of the force: N, mN, lbf, ...")
     counts_per_unit: Positive | None = Field(
         None,
-        description="the columns hold counts, so many to one unit of force; null: as a line above the header says, if the"
+        description="counts per unit of force, where the columns hold counts; null: as a line above the header says, if the"
         " values are whole numbers",
     )
 
@@ -150,10 +154,10 @@ class GCode(Section):
     """How a stage runs G-code: every motion begins and ends at rest."""
 
     acceleration_mm_s2: Positive | None = Field(
-        None, description="of every motion along its way; null: at full speed at once [mm/s2]"
+        None, description="of every motion along its path; null: unlimited [mm/s2]"
     )
     rapid_mm_s: Positive | None = Field(None, description="speed of G0; null: the last F, as of G1 [mm/s]")
-    rate_hz: Positive = Field(100.0, description="rows per second of the log that is made of it [1/s]")
+    rate_hz: Positive = Field(100.0, description="rows per second of the log that is computed [1/s]")
 
 
 class Polar(Section):
@@ -180,7 +184,7 @@ class StageSource(Rowed, Stamped):
     polar: Polar | None = Field(None, description="in place of x and y: columns of polar positions")
     z: str = Field(description="column of the axis that presses")
     unit: str = Field(description="unit of the positions: mm, um, m, in")
-    pressing: Literal["+z", "-z"] = Field(description="direction along that axis that presses deeper")
+    pressing: Literal["+z", "-z"] = Field(description="direction of that axis that increases the depth")
 
     @model_validator(mode="after")
     def _complete(self):
@@ -207,9 +211,9 @@ class CameraSource(Clock):
     topic: str | None = Field(
         None, description="of a bag or MCAP file named by `video`: the topic whose messages are images"
     )
-    frames: str | None = Field(None, description="folder of frames, taken in the order of their names")
+    frames: str | None = Field(None, description="folder of frames, in the order of their names")
     times: str | None = Field(
-        None, description="CSV with one row per frame, in their order, whose column is named by `time`"
+        None, description="CSV with one row per frame, in their order; `time` names its column of stamps"
     )
     table: TableForm = Field(TableForm(), description="how that table is written")
     from_name: str | None = Field(
@@ -217,7 +221,7 @@ class CameraSource(Clock):
         description="regular expression whose only group is the stamp in a frame's name; unit: name_unit",
     )
     name_unit: str = Field("s", description="unit of the stamps in the names")
-    container: bool = Field(False, description="the stamps that the video or bag itself holds are right")
+    container: bool = Field(False, description="true: the stamps of the video or bag are used")
 
     @model_validator(mode="after")
     def _complete(self):
@@ -247,7 +251,7 @@ class CameraSource(Clock):
 
 
 class Surface(Section):
-    """Where the laboratory's own depth zero lies."""
+    """A known contact point."""
 
     at_mm: float = Field(description="position of the pressing axis at depth zero, as the log has it, in mm")
 
@@ -256,35 +260,35 @@ class ImportMapping(Section):
     """Raw logs of one session: which column is what, in which unit, and what makes the numbers readable."""
 
     describes: str = Field(description="whose logs these are, in words")
-    force: ForceSource
-    stage: StageSource
-    camera: CameraSource | None = None
+    force: ForceSource = Field(description="log of the force/torque sensor")
+    stage: StageSource = Field(description="log of the stage or robot; its clock is that of the session")
+    camera: CameraSource | None = Field(
+        None, description="video, images of a bag, or folder of frames; null: none"
+    )
     depth_zero: Literal["session", "press"] | Surface = Field(
-        description="session: the median contact point; press: each indentation's own; at_mm: the laboratory's own zero"
+        description="session: the median contact point; press: the contact point of each indentation; at_mm: a known one"
     )
     session: dict[str, Any] = Field(
-        description="keys of session.yaml as they are: sensor, indenter, force.acts_on, stage_to_sensor, camera, ..."
+        description="keys of session.yaml: sensor, indenter, stage_to_sensor, camera, ...; force.acts_on is required"
     )
-    skip: list[int] = Field(
-        [], description="numbers of indentations, as the page shows them, that are left out"
-    )
+    skip: list[int] = Field([], description="indentations to leave out, by their number in import.png")
     incomplete: Literal["refuse", "drop"] = Field(
-        "refuse", description="indentations that a log begins or ends within"
+        "refuse", description="what happens to indentations that the begin or end of a log cuts"
     )
     least_retreat_mm: Positive = Field(
-        0.2, description="the stage leaves by at least this between indentations [mm]"
+        0.2, description="smallest retreat of the stage between indentations [mm]"
     )
-    least_dwell_s: Positive = Field(0.3, description="a stage that stands still for so long waits [s]")
+    least_dwell_s: Positive = Field(0.3, description="shortest standstill of the stage that is a wait [s]")
     contact_within_mm: Positive = Field(
         0.1,
-        description="of depth_zero session or at_mm: contact points lie within so much of their median [mm]",
+        description="of depth_zero session or at_mm: largest distance of contact points from their median [mm]",
     )
     ramp_depths_mm: list[Positive] = Field(
         [],
-        description="depths at which loading and unloading without a wait are read [mm]; none: the deepest alone",
+        description="depths at which loading and unloading without a wait are read [mm]; none: the deepest",
     )
-    frames_per_dwell: int = Field(3, ge=1, le=1000, description="readings, with a frame each, of a wait [-]")
-    settle_s: NonNegative = Field(0.1, description="after arrival, before the first of these [s]")
+    frames_per_dwell: int = Field(3, ge=1, le=1000, description="readings of a wait, each with its frame [-]")
+    settle_s: NonNegative = Field(0.1, description="time from arrival to the first of these [s]")
 
     @model_validator(mode="after")
     def _session_keys(self):

@@ -21,7 +21,7 @@ NEEDED = ("x", "y", "depth", "fz")
 
 
 class NamedImages(Section):
-    """Images and what their names say."""
+    """A folder of images whose names hold numbers."""
 
     folder: str = Field(".", description="folder of the images, from the mapping's folder")
     names: str = Field(
@@ -84,12 +84,12 @@ class NamedImages(Section):
 
 
 class NamesMapping(Section):
-    """A session whose numbers stand in the names of its images."""
+    """A session whose numbers are in the names of its images."""
 
     describes: str = Field(description="whose images these are, in words")
-    images: NamedImages
+    images: NamedImages = Field(description="the images, and what their names hold")
     session: dict[str, Any] = Field(
-        description="keys of session.yaml as they are: sensor, indenter, force.acts_on, stage_to_sensor, camera, ..."
+        description="keys of session.yaml: sensor, indenter, stage_to_sensor, camera, ...; force.acts_on is required"
     )
 
     @model_validator(mode="after")

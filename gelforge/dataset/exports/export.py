@@ -33,7 +33,7 @@ class Export:
     """One format: `write(source, folder, options)` fills an empty folder."""
 
     name: str
-    words: str  # what reads it
+    words: str  # what is written, and what reads it
     write: Callable[[Source, Path, Options], None]
 
 

@@ -102,4 +102,9 @@ def _field(name: str, variable: Variable) -> dict:
     return field
 
 
-EXPORT = Export("croissant", "Croissant 1.1 (croissant.json) over the Parquet files of `huggingface`", write)
+EXPORT = Export(
+    "croissant",
+    "the files of `huggingface` and `croissant.json` (Croissant 1.1, record sets `splits` and `rows`): "
+    '`mlcroissant.Dataset(jsonld=FOLDER/croissant.json).records("rows")`',
+    write,
+)

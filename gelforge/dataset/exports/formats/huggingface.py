@@ -46,4 +46,8 @@ def write_data(source: Source, folder: Path) -> dict[str, list[Path]]:
     return files
 
 
-EXPORT = Export("huggingface", "Parquet for Hugging Face datasets: load_dataset(FOLDER)", write)
+EXPORT = Export(
+    "huggingface",
+    "`data/<split>-*.parquet` and a card with front matter: `datasets.load_dataset(FOLDER)` has train, validation and test",
+    write,
+)

@@ -256,5 +256,7 @@ def _info(source: Source, variables: dict[str, Variable], fps: float, splits: di
 
 
 EXPORT = Export(
-    "lerobot", "LeRobot v3.0: LeRobotDataset(..., root=FOLDER), an episode per indentation", write
+    "lerobot",
+    "LeRobot v3.0 (`data/`, `meta/`), an episode per indentation: `LeRobotDataset(name, root=FOLDER)`",
+    write,
 )

@@ -106,4 +106,8 @@ def _messages(source: Source, press, fps: float, start: int):
         yield found
 
 
-EXPORT = Export("mcap", "MCAP, a file per split, messages in JSON, as Foxglove draws them", write)
+EXPORT = Export(
+    "mcap",
+    "a file per split with forces, wrench, state and image of each row in JSON: Foxglove, `mcap.reader`",
+    write,
+)

@@ -94,4 +94,9 @@ def _projection(source: Source, session: str):
     return lambda points: project(camera, points)[0] if len(points) else np.empty((0, 2))
 
 
-EXPORT = Export("rerun", "Rerun, a recording per split: the force field over the image", write)
+EXPORT = Export(
+    "rerun",
+    "a `.rrd` per split: forces and resultant in space, over the image with `--images` and a camera; "
+    "`pip install rerun-sdk`, `rerun FOLDER/train.rrd`",
+    write,
+)

@@ -80,5 +80,7 @@ def _write_press(group: h5py.Group, source: Source, press: Press) -> None:
 
 
 EXPORT = Export(
-    "robomimic", "one HDF5 file with a demonstration per indentation and masks, as robomimic reads it", write
+    "robomimic",
+    "`demonstrations.hdf5`: a demonstration per indentation, `mask/train`, `mask/valid`, `mask/test`; any HDF5 reader",
+    write,
 )

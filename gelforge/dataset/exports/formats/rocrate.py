@@ -81,5 +81,7 @@ def metadata(source: Source, folder: Path, options: Options) -> dict:
 
 
 EXPORT = Export(
-    "rocrate", "RO-Crate 1.1 (ro-crate-metadata.json) over the Parquet files of `huggingface`", write
+    "rocrate",
+    "the files of `huggingface` and `ro-crate-metadata.json` (RO-Crate 1.1): `rocrate.rocrate.ROCrate(FOLDER)`",
+    write,
 )
