@@ -97,7 +97,7 @@ def test_without_the_effect_in_the_catalogue_it_is_not_named(name):
 def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_is_reported():
     base = artificial.context(13, per_side=3)
     problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.3], np.random.default_rng(14)))
-    first = judge(problem, SETTINGS, seed=1).answer.winner.name
+    first = judge(problem, SETTINGS, seed=1).answer.fit.name
 
     def stuck(parts, amounts, rows):
         if any(part.name == first for part in parts):
@@ -105,7 +105,7 @@ def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_is_reported()
         return problem.forces_with(parts, amounts, rows)
 
     found = judge(replace(problem, forces_with=stuck), SETTINGS, seed=1)
-    assert first not in [part.name for part in found.answer.winner.parts]
+    assert first not in [part.name for part in found.answer.fit.parts]
     assert any(first.replace("_", " ") in note and "the gel folds" in note for note in found.notes)
 
 

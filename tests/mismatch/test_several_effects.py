@@ -96,7 +96,7 @@ def test_what_is_solved_in_order_is_solved_at_the_end_of_a_fit_and_for_the_answe
     patterns = {"mullins": [1, 0, 0], "wall_stiffness": [0, 1, 0], "skin_stiffness": [0, 0, 1]}
     problem, solved = patterned(patterns, linear(patterns), [0.2, 0.2, 0.0])
     found = judge(problem, SETTINGS, seed=1).answer
-    assert found.winner.effects == {"mullins", "wall_stiffness"}
+    assert found.fit.effects == {"mullins", "wall_stiffness"}
     assert sum("mullins" in names and len(names) > 1 for names in solved) == 2
     amounts = dict(zip((part.name for part in found.fit.parts), found.fit.amounts))
     assert amounts["mullins"] == pytest.approx(0.2, abs=0.03)  # its noise is 0.01

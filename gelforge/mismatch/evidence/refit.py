@@ -40,6 +40,11 @@ class Refitted:
         return " + ".join(part.name for part in self.parts)
 
     @property
+    def effects(self) -> frozenset[str]:
+        """Return the names of its effects, whatever their order."""
+        return frozenset(part.name for part in self.parts)
+
+    @property
     def covariance(self) -> np.ndarray:
         """Return the covariance (p, p) of all amounts, whatever the places."""
         p = sum(len(a) for a in self.amounts)

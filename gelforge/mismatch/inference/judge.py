@@ -39,9 +39,7 @@ from gelforge.progress import stage
 class Answer:
     """Effects that were put into the base, and what speaks for them."""
 
-    posterior: Posterior
-    winner: Screened  # the most probable set by its linear change
-    fit: Refitted  # the same to all readings, its values with their plausible widths
+    fit: Refitted  # of the most probable set to all readings, its values with their plausible widths
     refits: Mapping[Effects, Refitted]
     groups: tuple[Group, ...]  # one per effect of the fit
     after: np.ndarray  # (R, 3) [N] forces with the effects
@@ -54,13 +52,6 @@ class Answer:
         """Return the groups that are claimed."""
         return tuple(group for group in self.groups if group.probability >= SURE)
 
-    @property
-    def discrepancy_words(self) -> str:
-        """Return the kernel that a discrepancy would most probably have, in words."""
-        unknown, probability = self.posterior.unknown, self.posterior.probability
-        shares = unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].shares
-        return max(shares, key=shares.__getitem__)
-
 
 def explained(
     problem: Problem,
@@ -69,8 +60,12 @@ def explained(
     blocks: Blocks,
     settings: Mismatch,
     rng: np.random.Generator,
-) -> tuple[Answer | None, list[str]]:
-    """Return the answer to a mismatch, None where no effect could be fitted, and what went wrong on the way."""
+) -> tuple[Answer | None, Posterior, list[str]]:
+    """Return the answer to a mismatch, the posterior about it, and what went wrong on the way.
+
+    Where no effect could be fitted there is no answer, and the posterior stays as it is.
+    """
+    before = posterior
     if max((posterior.holding([name]) for name in posterior.singles), default=0.0) < WORTH_SOLVING:
         problem = problem.linearised()
     elif posterior.holding([UNKNOWN]) >= SURE:
@@ -83,7 +78,7 @@ def explained(
     found = fitted(real, posterior, lambda relinearised: posterior_of(relinearised, kernels))
     notes, mode = [*found.notes, *([note] if note else [])], found.mode
     if mode is None:
-        return None, notes
+        return None, before, notes
     problem, posterior = found.problem, found.posterior
     stage("amounts of the answer at their plausible widths")
     fit, note = _at_prior_sd(real, problem, posterior.sets[mode], found.fits[mode])
@@ -97,8 +92,6 @@ def explained(
         proof = after_penalty(proof, problem, posterior, blocks.train)
     return (
         Answer(
-            posterior=posterior,
-            winner=posterior.sets[mode],
             fit=averaged(posterior, mode, fit),
             refits=found.fits,
             groups=groups_of(problem, posterior, fit),
@@ -107,6 +100,7 @@ def explained(
             proof=proof,
             folds=folds_of(problem, fit, left),
         ),
+        posterior,
         notes,
     )
 
@@ -238,15 +232,15 @@ def judge(problem: Problem, settings: Mismatch, seed: int) -> Judgement:
         ]
         state = "consistent" if _could_have_seen(physics) else "inconclusive"
         return Judgement(state, blocks, mismatch, posterior, None, None, ())
-    answer, notes = explained(problem, posterior, kernels, blocks, settings, rng)
-    found = posterior if answer is None else answer.posterior
+    answer, posterior, notes = explained(problem, posterior, kernels, blocks, settings, rng)
     out = answer is not None and not in_range(problem, answer.fit)
     model = None
-    if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
+    if blocks.held_out.any() and (answer is None or out or _wanting(posterior, answer)):
         stage("a model of what no known effect explains")
-        model = _modelled(problem, kernels, blocks, None if out else answer, found.causes)
+        model = _modelled(problem, kernels, blocks, None if out else answer, posterior.causes)
         answer = answer if out else _beside_cause(problem, answer, model)
-    return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
+    state = _state(posterior, answer, out, model)
+    return Judgement(state, blocks, mismatch, posterior, answer, model, tuple(notes), out)
 
 
 def _alarm(mismatch: ResidualTests, posterior: Posterior) -> bool:
@@ -309,12 +303,12 @@ def in_range(problem: Problem, fit: Refitted) -> bool:
     )
 
 
-def _wanting(answer: Answer) -> bool:
+def _wanting(posterior: Posterior, answer: Answer) -> bool:
     """Return whether an answer leaves more than noise, or a discrepancy is likely beside it or instead."""
-    return answer.adequacy.p <= LEFT_P or answer.posterior.holding([UNKNOWN]) > LIKELY
+    return answer.adequacy.p <= LEFT_P or posterior.holding([UNKNOWN]) > LIKELY
 
 
-def _state(answer: Answer | None, out: bool, model: Modelled | None) -> str:
+def _state(posterior: Posterior, answer: Answer | None, out: bool, model: Modelled | None) -> str:
     """Return the state of a mismatch that is there.
 
     Identified is an effect, or effects of one line, or a cause with a free form, as probable as a claim has to be. A
@@ -327,7 +321,7 @@ def _state(answer: Answer | None, out: bool, model: Modelled | None) -> str:
     adequate = answer.adequacy.p > LEFT_P or (model is not None and model.beside)
     if answer.sure and adequate and (model is None or model.beside):
         return "identified"
-    if model is not None or not adequate or answer.posterior.holding([UNKNOWN]) > LIKELY:
+    if model is not None or not adequate or posterior.holding([UNKNOWN]) > LIKELY:
         return "unexplained"
     leading = max(answer.groups, key=lambda group: group.chance)
     return "ambiguous" if len(leading.names) <= MOST_EFFECTS else "inconclusive"

@@ -90,6 +90,12 @@ class Posterior:
                 found[words] = found.get(words, 0.0) + share * self.probability[effects | {UNKNOWN}]
         return found
 
+    @property
+    def discrepancy_words(self) -> str:
+        """Return the kernel that a discrepancy would most probably have, in words."""
+        shares = self.unknown[max(self.unknown, key=lambda one: self.probability[one | {UNKNOWN}])].shares
+        return max(shares, key=shares.__getitem__)
+
     @cached_property
     def causes(self) -> dict[str, float]:
         """Return the probability of each kernel, in words, or of its cause in the catalogue's form and nothing unknown."""

@@ -255,8 +255,6 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
         nonzero = found.columns[:, found.judged.amounts != 0]
         uncertain = replace(problem, covariance=found.covariance)
         answer = Answer(
-            posterior=posterior,
-            winner=posterior.sets[mode],
             fit=fit,
             refits={effects: one.refitted for effects, one in fits.items()} | {mode: fit},
             groups=groups_of(problem, posterior, fit),

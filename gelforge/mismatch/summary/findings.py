@@ -61,11 +61,11 @@ def effect_entries(problem: Problem, judgement: Judgement) -> list[form.NamedEff
         for name, one in posterior.singles.items()
     }
     if answer is not None:
-        own = answer.winner.effects
+        own = answer.fit.effects
         for group in groups:
             for name in group.names[1:]:
                 found[name] = _of_set(judgement, own - {group.members[0]} | {name}) or found[name]
-        found |= {part.name: (answer.fit, answer.posterior.evidence[own]) for part in answer.fit.parts}
+        found |= {part.name: (answer.fit, posterior.evidence[own]) for part in answer.fit.parts}
     reported = [_effect(problem, name, *both, posterior.holding([name])) for name, both in found.items()]
     return sorted(reported, key=lambda effect: (effect.name not in leading, -effect.probability))
 
@@ -133,7 +133,7 @@ def verdict_of(
     if answer is not None:
         chance, left = posterior.holding([UNKNOWN]), answer.adequacy
         unknown = (
-            form.Unknown(probability=chance, words=answer.discrepancy_words) if posterior.unknown else None
+            form.Unknown(probability=chance, words=posterior.discrepancy_words) if posterior.unknown else None
         )
         adequacy = form.Adequacy(p=left.test.p, scan_p=left.scan.p, remains=left.scan.best.name)
     asked = {key: getattr(mismatch, key) for key in ("unknown_p", "known_p") if posterior.unknown}

@@ -87,7 +87,7 @@ def _why_unexplained(judgement: Judgement) -> str:
         return "the best one needs a value that is not physical"
     if judgement.answer.adequacy.p <= form.LEFT_P:
         return "the best one leaves a residual"
-    return f"a change of {judgement.answer.discrepancy_words} is more probable"
+    return f"a change of {judgement.posterior.discrepancy_words} is more probable"
 
 
 def shortcomings(problem: Problem, judgement: Judgement) -> list[str]:
