@@ -196,7 +196,7 @@ def judge_case(
     )
     verdict = verdict_of(problem, judgement, case.title, False, solver.study.sensor, provenance)
     verdict = with_experiments(verdict, problem, context)
-    verdict = write_results(out / case.name, verdict, (problem, judgement))
+    verdict = write_results(out / case.name, verdict, problem, judgement)
     return verdict, pd.DataFrame(rows, columns=["base", "sigma_z_N", "state", "answer", "probability", "p"])
 
 

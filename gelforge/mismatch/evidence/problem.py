@@ -70,6 +70,11 @@ class Problem:
         )
 
     @property
+    def in_newtons(self) -> Problem:
+        """Return the problem of the readings of force alone, which come first."""
+        return self if self.flow is None else self.flow.forces
+
+    @property
     def residual(self) -> np.ndarray:
         """Return measured less base (n,)."""
         return self.observations.flat(self.observations.force - self.base)

@@ -22,7 +22,7 @@ from gelforge.mismatch.evidence.refit import Refitted
 from gelforge.mismatch.fem.nominal import observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Base
-from gelforge.mismatch.images.flow import force_part, with_flow
+from gelforge.mismatch.images.flow import with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.pipeline.experiments import with_experiments
@@ -162,7 +162,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     observations, synthetic = observations_of(recordings, study)
     forces, base = problem_of(solver, observations)
     problem, joint, judgement = judged_with_images(solver, base, forces, recordings)
-    in_newtons, after = force_part(problem, judgement), after_of(joint, judgement)
+    after = after_of(joint, judgement)
     verdict = verdict_of(
         problem,
         judgement,
@@ -179,7 +179,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     (out / PATCH).unlink(missing_ok=True)
     if taken_over(judgement):
         write_patch(out, study, problem, judgement)
-    return write_results(out, verdict, in_newtons, flow_table(joint, after))
+    return write_results(out, verdict, problem, judgement, flow_table(joint, after))
 
 
 def judged_with_images(
@@ -243,16 +243,12 @@ def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement)
 
 
 def write_results(
-    out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgement], flow: pd.DataFrame | None = None
+    out: Path, verdict: Verdict, problem: Problem, judgement: Judgement, flow: pd.DataFrame | None = None
 ) -> Verdict:
-    """Write the tables, then verdict.json with their SHA-256, and return that verdict.
-
-    in_newtons: problem and judgement of the forces alone; flow: the rows of flow.csv.
-    """
-    problem, judgement = in_newtons
+    """Write the tables, then verdict.json with their SHA-256, and return that verdict; flow: the rows of flow.csv."""
     tables = {
         READINGS: readings_table(problem, judgement),
-        BODY_MAP: body_map(problem),
+        BODY_MAP: body_map(problem.in_newtons),
         CORRECTION: correction_table(problem, judgement.model),
         MODULE: None if judgement.model is None else judgement.model.map(),
         FLOW: flow,

@@ -15,7 +15,6 @@ from gelforge.mismatch.evidence.identifiability import detection_limits
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.refit import Refitted
 from gelforge.mismatch.evidence.screen import Candidate, Screened
-from gelforge.mismatch.images.flow import force_part
 from gelforge.mismatch.inference.judge import Answer, Judgement
 from gelforge.mismatch.inference.scan import ResidualTests
 from gelforge.mismatch.model.effect import Parameter
@@ -127,7 +126,6 @@ def verdict_of(
 ) -> form.Verdict:
     """Return the verdict of a judgement."""
     answer, mismatch, posterior = judgement.answer, judgement.mismatch, judgement.posterior
-    in_newtons = force_part(problem, judgement)
     groups = group_entries(judgement)
     unknown = adequacy = None
     if answer is not None:
@@ -151,11 +149,11 @@ def verdict_of(
         effects=effect_entries(problem, judgement),
         unknown=unknown,
         null_probability=posterior.probability[NOTHING],
-        fit=_fit(*in_newtons).model_copy(update={"flow": flow}),
+        fit=_fit(problem, judgement).model_copy(update={"flow": flow}),
         adequacy=adequacy,
-        model=model_section(*in_newtons),
+        model=model_section(problem, judgement),
         detection_limits=limits_of(problem),
-        noise=_noise(in_newtons[0]),
+        noise=_noise(problem.in_newtons),
         next_experiments=[
             form.Experiment(words=one.decided_by, separates=one.names) for one in groups if one.decided_by
         ],
@@ -167,40 +165,42 @@ def verdict_of(
 
 
 def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
-    """Return the rows of readings.csv."""
-    labels, observations = problem.labels, problem.observations
+    """Return the rows of readings.csv, which has the forces alone."""
+    forces = problem.in_newtons
+    labels, observations = forces.labels, forces.observations
     held = np.full(len(labels), "no", dtype=object)
     for name, mask in judgement.blocks.held.items():
-        held[mask] = name
+        held[mask[problem.of_force]] = name
     measured, nothing = observations.flat(observations.force), np.full(len(labels), np.nan)
-    rest, unseen = rest_of(problem, judgement), unseen_of(judgement)
+    rest, unseen = rest_of(problem, judgement), unseen_of(problem, judgement)
     return labels[["session", "press", "x_mm", "y_mm", "depth_mm", "phase", "time_s"]].assign(
         site=labels["site"].astype(str),
         axis=np.array(AXES)[labels["axis"]],
         measured_N=measured,
-        base_N=observations.flat(problem.base),
+        base_N=observations.flat(forces.base),
         after_N=nothing if rest is None else measured - rest,
         predicted_N=nothing if unseen is None else measured - unseen,
-        sigma_N=problem.covariance.standard_deviation,
+        sigma_N=forces.covariance.standard_deviation,
         held_out=held,
     )
 
 
 def rest_of(problem: Problem, judgement: Judgement) -> np.ndarray | None:
-    """Return measured less answer and model (n,) [N], fitted to all readings; None where there is neither."""
+    """Return measured less answer and model [N] of the forces, fitted to all readings; None where there is neither."""
     answer, model = judgement.answer, judgement.model
     if model is not None:
-        return model.rest
+        return model.rest[problem.of_force]
     observations = problem.observations
-    return None if answer is None else observations.flat(observations.force - answer.after)
+    if answer is None:
+        return None
+    return observations.flat(observations.force - answer.after)[problem.of_force]
 
 
-def unseen_of(judgement: Judgement) -> np.ndarray | None:
-    """Return measured less the prediction (n,) [N] by what the training readings alone say; None where there is none."""
+def unseen_of(problem: Problem, judgement: Judgement) -> np.ndarray | None:
+    """Return measured less the prediction [N] of the forces by the training readings alone; None where there is none."""
     answer, model = judgement.answer, judgement.model
-    if model is not None:
-        return model.left
-    return None if answer is None or answer.proof is None else answer.proof.left
+    predicted = model if model is not None else answer and answer.proof
+    return predicted and predicted.left[problem.of_force]
 
 
 def _where(mismatch: ResidualTests) -> list[form.Where]:
@@ -249,8 +249,8 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     elif answer is not None and answer.proof is not None:
         held, *blocks = answer.proof.held
     return form.Fit(
-        before=form.score(problem.labels, problem.residual),
-        after=None if rest is None else form.score(problem.labels, rest),
+        before=form.score(problem.in_newtons.labels, problem.in_newtons.residual),
+        after=None if rest is None else form.score(problem.in_newtons.labels, rest),
         held_out=held,
         held_out_blocks=[*blocks, *(() if answer is None else answer.folds)],
     )
