@@ -60,6 +60,15 @@ class CameraView:
         """Return left, top, width and height [px] of the image in that of the camera."""
         return self.crop_px or (0, 0, self.camera.width_px, self.camera.height_px)
 
+    def pixels(self, points: np.ndarray) -> np.ndarray:
+        """Return where points (Q, 3) [mm] are seen (Q, 2) [px] in the frame of the camera; u, v."""
+        return project(pinhole(self.camera), points)[0]
+
+    def in_frame(self, pixels: np.ndarray) -> np.ndarray:
+        """Return u and v (2, Q) [px] from the image's upper left corner."""
+        left, top, *_ = self.frame
+        return (pixels - [left - 0.5, top - 0.5]).T
+
 
 @dataclass(frozen=True)
 class FlowObservation:
@@ -121,29 +130,26 @@ def mean_motion(
 
     seen: (Q,) by how much each point counts.
     """
-    camera = pinhole(eye.camera)
-    pixels, _ = project(camera, points)
-    return _parts_of_regions(eye, pixels, seen).T @ (project(camera, points + moved)[0] - pixels)
+    pixels = eye.pixels(points)
+    return _parts_of_regions(eye, pixels, seen).T @ (eye.pixels(points + moved) - pixels)
 
 
 def mean_motion_slope(
     eye: CameraView, points: np.ndarray, moved: np.ndarray, weights: csr_array
 ) -> np.ndarray:
     """Return d mean motion / d displacement (m, 2, G, 3) [px/mm] of nodes, whose weights at the points are (Q, G)."""
-    camera = pinhole(eye.camera)
-    part = _parts_of_regions(eye, project(camera, points)[0])
+    part = _parts_of_regions(eye, eye.pixels(points))
     slopes = []
     for step in SLOPE_STEP_MM * np.eye(3):
-        beside = [project(camera, points + moved + way * step)[0] for way in (1, -1)]
-        slopes.append((beside[0] - beside[1]) / (2 * SLOPE_STEP_MM))
+        there, back = (eye.pixels(points + moved + sign * step) for sign in (1, -1))
+        slopes.append((there - back) / (2 * SLOPE_STEP_MM))
     found = [[(weights.T @ (part * along[:, k, None])).T for along in slopes] for k in range(2)]
     return np.moveaxis(np.array(found), (0, 1, 2, 3), (1, 3, 0, 2))
 
 
 def _parts_of_regions(eye: CameraView, pixels: np.ndarray, weight: np.ndarray | float = 1.0) -> np.ndarray:
     """Return the weights (Q, m) of points seen at pixels (Q, 2) in each region's mean; they add up to 1 over the points."""
-    left, top, width, height = eye.frame
-    u, v = (pixels - [left - 0.5, top - 0.5]).T
+    (u, v), (*_, width, height) = eye.in_frame(pixels), eye.frame
     rows, columns = _within(v, height), _within(u, width) * np.reshape(weight, (-1, 1))
     part = (rows[:, :, None] * columns[:, None, :]).reshape(len(pixels), -1)
     return part / np.maximum(part.sum(axis=0), np.finfo(float).tiny)
@@ -166,7 +172,7 @@ def region_middles(eye: CameraView) -> np.ndarray:
 def away_from_indenter(press: FlowObservation) -> np.ndarray:
     """Return how far the middle of each region (m,) [px] is from where the indenter's lowest point touches."""
     contact = np.array([[press.row["x_mm"], press.row["y_mm"], 0.0]], dtype=float)
-    return np.linalg.norm(region_middles(press.eye) - project(pinhole(press.eye.camera), contact)[0], axis=1)
+    return np.linalg.norm(region_middles(press.eye) - press.eye.pixels(contact), axis=1)
 
 
 def region_means(flow: np.ndarray) -> np.ndarray:
@@ -320,11 +326,9 @@ def flow_of_warp(
 
 def motion_field(eye: CameraView, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """Return the mean motion (H, W, 2) float32 [px] of points (Q, 3) [mm] seen near each pixel, moved by (Q, 3) [mm]."""
-    camera = pinhole(eye.camera)
-    left, top, width, height = eye.frame
-    pixels, _ = project(camera, points)
-    motion = project(camera, points + moved)[0] - pixels
-    u, v = (pixels - [left - 0.5, top - 0.5]).T
+    pixels = eye.pixels(points)
+    motion = eye.pixels(points + moved) - pixels
+    (u, v), (*_, width, height) = eye.in_frame(pixels), eye.frame
     rows, columns = _within(v, height, FIELD_CELLS), _within(u, width, FIELD_CELLS)
     seen = np.maximum(rows.T @ columns, np.finfo(np.float32).eps)  # far from all points nothing moves
     cells = np.stack([rows.T @ (columns * motion[:, k, None]) / seen for k in range(2)], axis=-1)
@@ -343,10 +347,7 @@ def pinhole(camera: Camera) -> Camera:
 
 def shows_gel(eye: CameraView, particles: Particles) -> np.ndarray:
     """Return (m,) bool: the regions in which particles are seen."""
-    camera = pinhole(eye.camera)
-    left, top, width, height = eye.frame
-    pixels, _ = project(camera, particles.points)
-    u, v = (pixels - [left - 0.5, top - 0.5]).T
+    (u, v), (*_, width, height) = eye.in_frame(eye.pixels(particles.points)), eye.frame
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
     row, column = (at[inside] * REGIONS // pixels for at, pixels in ((v, height), (u, width)))
     number = row.astype(int) * REGIONS + column.astype(int)
