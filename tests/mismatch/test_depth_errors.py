@@ -7,7 +7,7 @@ import artificial_readings
 import numpy as np
 import pandas as pd
 import pytest
-from artificial_readings import flat_base, grid, readings
+from artificial_readings import draws_of, flat_base, grid, readings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
@@ -43,7 +43,7 @@ def p_of(drawn, covariance) -> np.ndarray:
 @pytest.fixture(scope="module")
 def residuals():
     """Return residuals (n, DRAWS) of nulls whose depth has both errors."""
-    return allowed(STAGE_MM, CONTACT_MM)[1].draw(np.random.default_rng(1), DRAWS)
+    return draws_of(allowed(STAGE_MM, CONTACT_MM)[1], np.random.default_rng(1), DRAWS)
 
 
 def test_nulls_with_both_errors_are_calibrated(residuals):
@@ -64,7 +64,7 @@ def test_nulls_with_both_errors_are_alarms_where_one_field_holds_either(residual
 
 def test_nulls_are_calibrated_over_two_sessions_with_a_drifting_zero():
     _, covariance = allowed(STAGE_MM, CONTACT_MM, 3, 2, drift=0.002, trend=0.001, unload=True)
-    p = p_of(covariance.draw(np.random.default_rng(2), DRAWS), covariance)
+    p = p_of(draws_of(covariance, np.random.default_rng(2), DRAWS), covariance)
     assert np.mean(p < 0.01) < 0.0225 and kstest(p, "uniform").pvalue > 0.01
 
 

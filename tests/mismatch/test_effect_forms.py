@@ -264,7 +264,7 @@ def test_each_axis_has_a_hysteresis_of_its_own(loop, axis):
 
 
 def test_hysteresis_is_not_offered_without_a_way_up():
-    down = CONTEXT.chosen((CONTEXT.observations.table["phase"] != "unload").to_numpy())
+    down = artificial.chosen(CONTEXT, (CONTEXT.observations.table["phase"] != "unload").to_numpy())
     assert CATALOGUE["force_hysteresis"].shapes(CONTEXT) == [{"loop": "lens"}, {"loop": "play"}]
     assert CATALOGUE["force_hysteresis"].shapes(down) == []
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from artificial_readings import covariance_of, grid, readings
+from artificial_readings import covariance_of, draws_of, grid, readings
 from scipy.stats import multivariate_normal
 from test_screen import make
 
@@ -60,7 +60,7 @@ def test_scores_are_those_of_dense_matrices(world):
     labels, covariance, candidates = world
     drift = candidates[4]
     rng = np.random.default_rng(0)
-    r = drift.columns @ [0.03, -0.03, 0.02] + covariance.draw(rng, 1)[:, 0]
+    r = drift.columns @ [0.03, -0.03, 0.02] + draws_of(covariance, rng, 1)[:, 0]
     blocks = split(labels, seed=3)
     t = blocks.train
     W = covariance.whiten(np.eye(len(r)))
@@ -102,7 +102,7 @@ def test_nothing_to_find_gives_no_gain(world):
     rng, gains, clear = np.random.default_rng(1), [], 0
     for _ in range(150):
         blocks = split(labels, seed=int(rng.integers(1 << 30)))
-        found = chosen_gain(covariance.draw(rng, 1)[:, 0], labels, covariance, candidates, blocks)[1]
+        found = chosen_gain(draws_of(covariance, rng, 1)[:, 0], labels, covariance, candidates, blocks)[1]
         gains.append(found[0])
         clear += shown(*found)
     error = np.std(gains) / np.sqrt(len(gains))
@@ -115,7 +115,7 @@ def test_what_is_there_is_predicted(world):
     drift = candidates[4]
     rng, clear = np.random.default_rng(2), 0
     for k in range(10):
-        r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(rng, 1)[:, 0]
+        r = drift.columns @ [0.06, -0.06, 0.06] + draws_of(covariance, rng, 1)[:, 0]
         name, found = chosen_gain(r, labels, covariance, candidates, split(labels, seed=k))
         assert name == "force_drift" and found[0] > 5
         clear += shown(*found)
@@ -126,7 +126,7 @@ def test_draws_of_presses_set_aside_are_not_fitted(world):
     """A depth error of one held-out indentation costs it alone what its variance allows, whatever the training says."""
     labels, covariance, _ = world
     blocks = split(labels, seed=3)
-    r = covariance.draw(np.random.default_rng(4), 1)[:, 0]
+    r = draws_of(covariance, np.random.default_rng(4), 1)[:, 0]
     scores = predictive_scores(r, covariance, blocks, labels)
     at = covariance.restricted(blocks.held["positions"])
     # Without what sites share (law and floor, small here) the held-out sites would be independent of training.
@@ -143,7 +143,7 @@ def test_the_error_of_a_gain_is_what_noise_gives_it(world):
     change = np.where(where, 0.02, 0.0)
     gains, rng = [], np.random.default_rng(5)
     for _ in range(300):
-        r = change + covariance.draw(rng, 1)[:, 0]
+        r = change + draws_of(covariance, rng, 1)[:, 0]
         before = predictive_scores(r, covariance, blocks, labels, change=change)
         total, expected = gain(before, predictive_scores(r - change, covariance, blocks, labels))
         gains.append(total)

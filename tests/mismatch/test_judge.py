@@ -225,5 +225,5 @@ def test_of_one_site_and_one_depth_nothing_is_held_out():
     base = artificial.context(15, per_side=1, depths=(2.0,))
     context = artificial.with_effect(base, "gel_stiffness", [0.8], np.random.default_rng(16))
     down = (context.observations.table["phase"] == "load").to_numpy()
-    found = judged(context.chosen(down))[1]
+    found = judged(artificial.chosen(context, down))[1]
     assert not found.blocks.held_out.any() and found.answer.proof is None and not found.answer.folds

@@ -6,6 +6,7 @@ import artificial
 import numpy as np
 import pytest
 from artificial_problem import SETTINGS, problem_of
+from artificial_readings import draws_of
 from numpy.testing import assert_allclose
 
 from gelforge.mismatch.evidence.kernels import kernels_of
@@ -23,10 +24,10 @@ def patterned(patterns, change, truth):
     """
     problem = problem_of(artificial.context(25, per_side=3))
     rng, n = np.random.default_rng(26), len(problem.labels)
-    noise = problem.covariance.draw(rng, 1)[:, 0]
+    noise = draws_of(problem.covariance, rng, 1)[:, 0]
     covariance = problem.covariance
     # columns W^-1 q of orthonormal q, by least squares in the span of random draws of the covariance
-    draws = covariance.draw(rng, max(map(len, patterns.values())))
+    draws = draws_of(covariance, rng, max(map(len, patterns.values())))
     Q, R = np.linalg.qr(covariance.whiten(draws))
     basis = 100 * draws @ np.linalg.inv(R)
     assert_allclose(covariance.whiten(basis), 100 * Q, atol=1e-6)

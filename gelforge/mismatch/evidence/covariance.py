@@ -29,10 +29,6 @@ class Estimated:
     repeats: np.ndarray  # (G,) degrees of freedom of the estimate; inf: known
     tails: np.ndarray  # (G,) variance of a squared draw over that of a normal one, 1 or more
 
-    def restricted(self, mask: np.ndarray) -> Estimated:
-        """Return the same of some entries."""
-        return replace(self, group=self.group[mask])
-
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
@@ -99,7 +95,7 @@ class Covariance:
                 replace(level, group=level.group[mask], directions=level.directions[mask])
                 for level in self.levels
             ),
-            self.estimated and self.estimated.restricted(mask),
+            self.estimated and replace(self.estimated, group=self.estimated.group[mask]),
         )
 
     def extended(self, directions: np.ndarray) -> Covariance:
@@ -135,14 +131,6 @@ class Covariance:
         """Return the columns (n, k) of these errors, one standard normal draw each: `erring` adds their products to C."""
         draws = self.erring_draws(directions)
         return np.column_stack([_spread(one.group, one.directions).toarray() for one in draws])
-
-    def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
-        """Return draws (n, count) of N(0, C)."""
-        found = self._sd[:, None] * rng.standard_normal((len(self), count))
-        for level in self.levels:
-            U = _spread(level.group, level.directions)
-            found += U @ rng.standard_normal((U.shape[1], count))
-        return found
 
     @cached_property
     def _sd(self) -> np.ndarray:

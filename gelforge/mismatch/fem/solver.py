@@ -255,7 +255,7 @@ def forces_with(
     switched_on = [c for c in chosen if c[0].solved and np.any(c[2])]
     softens = _with(solver.study, switched_on).mechanics.effects.history.softens
     whole = np.isin(press, press[rows]) | softens
-    part = context.chosen(whole).observations
+    part = context.observations.chosen(whole)
     changes = np.zeros_like(context.force[whole])
     for observable, there in _by_observable_parts(part, switched_on):
         study = _with(solver.study, observable)

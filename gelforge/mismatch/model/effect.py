@@ -81,12 +81,6 @@ class Context:
         at_readings = {key: v if key == name else 0.0 * v for key, v in self.at_readings.items()}
         return replace(self, derivatives=curves, at_readings=at_readings)
 
-    def chosen(self, rows: np.ndarray) -> Context:
-        """Return the context of some readings (R,) bool."""
-        known = {name: values[rows] for name, values in self.at_readings.items()}
-        part = self.observations.chosen(rows)
-        return replace(self, observations=part, force=self.force[rows], at_readings=known)
-
     def slope(self) -> np.ndarray:
         """Return d force / d depth (R, 3) [N/mm] at the readings, as during loading curve."""
         return self.on_readings(self.curves, slope=True)
