@@ -99,10 +99,10 @@ def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_is_reported()
     problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.3], np.random.default_rng(14)))
     first = judge(problem, SETTINGS, seed=1).answer.fit.name
 
-    def stuck(parts, amounts, rows):
-        if any(part.name == first for part in parts):
+    def stuck(terms, rows):
+        if any(part.name == first for part, _ in terms):
             raise NotConverged("the gel folds")
-        return problem.forces_with(parts, amounts, rows)
+        return problem.forces_with(terms, rows)
 
     found = judge(replace(problem, forces_with=stuck), SETTINGS, seed=1)
     assert first not in [part.name for part in found.answer.fit.parts]
@@ -182,12 +182,12 @@ def test_a_change_errs_by_its_share_at_every_reading(name, share):
         added(problem, part, amounts), (share * part.columns @ amounts) ** 2, rtol=1e-9, atol=1e-15
     )
     none = replace(problem, change_error=0.0)
-    assert none.with_model_error([part], amounts) is none
+    assert none.with_model_error([(part, amounts)]) is none
 
 
 def added(problem, part, amounts):
     """Return the variance (n,) that errors of a change add."""
-    wider = problem.with_model_error([part], amounts).covariance
+    wider = problem.with_model_error([(part, amounts)]).covariance
     return wider.standard_deviation**2 - problem.covariance.standard_deviation**2
 
 

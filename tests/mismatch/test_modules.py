@@ -206,7 +206,7 @@ def test_the_patched_study_has_the_map_of_the_modulus():
     changes = [Candidate(BOX.name, s, flat, BOX.prior_sd, np.zeros(1, int)) for s in shapes]
     own = next(one for one in modules_of(context, changes) if one.name == "modulus_map")
     change = np.linspace(-0.2, 0.2, len(shapes))
-    keys = patch_of(study, {}, None, own, own.map.assign(mean=change))
+    keys = patch_of(study, {}, (), own, own.map.assign(mean=change))
     patches = keys["mechanics"]["effects"]["geometry"]["patches"]
     assert [patch["factor"] for patch in patches] == pytest.approx((1 + change).tolist())
 

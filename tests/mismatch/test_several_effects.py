@@ -38,9 +38,9 @@ def patterned(patterns, change, truth):
     ]
     solved = []
 
-    def forces_with(parts, amounts, rows):
-        solved.append(tuple(part.name for part in parts))
-        along = change({part.name: float(a[0]) for part, a in zip(parts, amounts)})
+    def forces_with(terms, rows):
+        solved.append(tuple(part.name for part, _ in terms))
+        along = change({part.name: float(a[0]) for part, a in terms})
         found = np.full(problem.base.shape, np.nan)
         found[problem.observations.read] = problem.base[problem.observations.read] + basis @ along
         found[~rows] = np.nan

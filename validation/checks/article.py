@@ -125,8 +125,8 @@ def problem_of_case(
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
 
-    def forces(parts, amounts, rows):
-        chosen = [(effects[part.name], part.shape, a) for part, a in zip(parts, amounts)]
+    def forces(terms, rows):
+        chosen = [(effects[part.name], part.shape, a) for part, a in terms]
         found = forces_with(solver, own, chosen, rows)
         replaced = any(effect.binary and np.any(a) for effect, _, a in chosen)
         return found if replaced else found + base.context.force - own.context.force

@@ -148,7 +148,7 @@ def weighed_unknown(problem: Problem, kernels: Sequence[Kernel], judged: Screene
     parts: tuple[Candidate, ...] = ()
     if judged is not None:
         parts = judged.parts
-        covariance = problem.with_model_error(parts, judged.amounts).covariance
+        covariance = problem.with_model_error(judged.terms).covariance
     r, white = covariance.whiten(residual), whitened(covariance, parts)
     alone = judged_by(r, parts, white).log_bayes_factor if parts else 0.0
     without, found = covariance.log_density(residual) + alone, {}

@@ -64,9 +64,22 @@ class Screened:
         return self.parts[-1].shape
 
     @property
+    def terms(self) -> list[Term]:
+        """Return each part with its values."""
+        return terms_of(self.parts, self.amounts)
+
+    @property
     def by_name(self) -> dict[str, np.ndarray]:
         """Return the values of each part."""
-        return {part.name: a for part, a in zip(self.parts, split(self.parts, self.amounts))}
+        return {part.name: a for part, a in self.terms}
+
+
+Term = tuple[Candidate, np.ndarray]  # an effect and its values
+
+
+def terms_of(parts: Sequence[Candidate], amounts: np.ndarray) -> list[Term]:
+    """Return parts with their share of all values (p,)."""
+    return list(zip(parts, split(parts, amounts)))
 
 
 def split(parts: Sequence[Candidate], amounts: np.ndarray) -> list[np.ndarray]:

@@ -21,7 +21,7 @@ from gelforge.mismatch.effects import CATALOGUE, with_dependencies
 from gelforge.mismatch.evidence.candidates import BOX, candidates_of, effects_of_forces
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.problem import Problem
-from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.evidence.screen import Term
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
 from gelforge.mismatch.fem.solver import Amounts, Base, base_of, forces_with, forgetting, read_with
 from gelforge.mismatch.free_forms import changes_of, modules_of, required
@@ -259,8 +259,8 @@ def problem_of(
     candidates = candidates_of(base.context, effects, failed)
     changes = changes_of(base.context) if recorded else []
 
-    def chosen(parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> list[Amounts]:
-        return [(effects[part.name], part.shape, a) for part, a in zip(parts, amounts)]
+    def chosen(terms: Sequence[Term]) -> list[Amounts]:
+        return [(effects[part.name], part.shape, a) for part, a in terms]
 
     return (
         Problem(
@@ -269,14 +269,12 @@ def problem_of(
             covariance,
             candidates,
             effects,
-            lambda parts, amounts, rows: forces_with(solver, base, chosen(parts, amounts), rows),
+            lambda terms, rows: forces_with(solver, base, chosen(terms), rows),
             failed,
             solver.study.mismatch.change_error,
             [one for one in changes if one.name == BOX.name],
             modules_of(base.context, changes) if recorded else (),
-            lambda parts, amounts, change: read_with(
-                base, chosen(parts, amounts), base.context.force + change
-            ),
+            lambda terms, change: read_with(base, chosen(terms), base.context.force + change),
         ),
         base,
     )

@@ -17,7 +17,7 @@ import pandas as pd
 from gelforge.config import Study
 from gelforge.mismatch.effects import CATALOGUE, with_dependencies
 from gelforge.mismatch.evidence.problem import ForcesWith, Problem
-from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.evidence.screen import Candidate, Term
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import Base
 from gelforge.mismatch.images.flow_covariance import Rows, flow_covariance
@@ -197,10 +197,10 @@ def _forces_with(channel: FlowChannel, rows: Rows, effects: Mapping[str, Effect]
     """
     forces, model = channel.forces, channel.model
 
-    def change_of(parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
+    def change_of(terms: Sequence[Term]) -> np.ndarray:
         """Return the change of the flow (F, m, 2) [px]."""
         studied, cameras, linear = [], [], []
-        for part, a in zip(parts, amounts):
+        for part, a in terms:
             effect = effects[part.name]
             if not np.any(a):
                 continue
@@ -223,13 +223,13 @@ def _forces_with(channel: FlowChannel, rows: Rows, effects: Mapping[str, Effect]
             change += model.change(more, model.seen_by(cameras))
         return change
 
-    def forces_with(parts, amounts, readings):
+    def forces_with(terms: Sequence[Term], readings: np.ndarray) -> np.ndarray:
         R = len(forces.base)
-        terms = [(part, a) for part, a in zip(parts, amounts) if effects[part.name].to_camera is None]
-        found = forces.forces_with([part for part, _ in terms], [a for _, a in terms], readings[:R])
+        moving = [term for term in terms if effects[term[0].name].to_camera is None]
+        found = forces.forces_with(moving, readings[:R])
         flow = np.full((len(readings) - R, 3), np.nan)
         if readings[R:].any():
-            flow = rows.as_readings(channel.base + change_of(parts, amounts))
+            flow = rows.as_readings(channel.base + change_of(terms))
         return np.where(readings[:, None], np.concatenate([found, flow]), np.nan)
 
     return forces_with

@@ -122,8 +122,8 @@ class _Beside:
         if fit is None or left is None:
             columns = np.zeros((len(problem.labels), 0))
             return cls(problem.residual, problem.covariance, columns, np.zeros(0, int))
-        uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts)).covariance
-        on = np.concatenate([np.full(len(a), part.binary) for part, a in zip(fit.parts, fit.amounts)])
+        uncertain = problem.with_model_error(fit.terms).covariance
+        on = np.concatenate([np.full(len(a), part.binary) for part, a in fit.terms])
         free = np.flatnonzero(~on)
         return cls(left, uncertain, fit.columns[:, free] * fit.prior_sd[free], free)
 

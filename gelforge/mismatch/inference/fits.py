@@ -19,7 +19,7 @@ from gelforge.config import ConfigError
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.problem import Problem, secant
 from gelforge.mismatch.evidence.refit import Refitted, refitted
-from gelforge.mismatch.evidence.screen import Candidate, Screened, screened, split
+from gelforge.mismatch.evidence.screen import Candidate, Screened, Term, screened, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior
 from gelforge.mismatch.model.effect import unturned
 from gelforge.mismatch.readings.observations import spread_out
@@ -92,7 +92,7 @@ def _largest_first(
     if len(wanted) == 1:
         return wanted
     one = posterior.sets[wanted]
-    changes = [part.columns @ a for part, a in zip(one.parts, split(one.parts, one.amounts))]
+    changes = [part.columns @ a for part, a in one.terms]
     sizes = np.linalg.norm(problem.covariance.whiten(np.column_stack(changes)), axis=0)
     alone = frozenset({one.parts[int(np.argmax(sizes))].name})
     return wanted if alone in done or alone not in posterior.sets else alone
@@ -128,7 +128,7 @@ def by_columns(problem: Problem, start: Screened) -> Refitted:
 
 def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
     """Return the forces (R, 3) [N] at all readings with fitted effects, solved. Raises NotConverged."""
-    return problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
+    return problem.forces_with(fit.terms, np.ones(len(problem.base), bool))
 
 
 def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
@@ -216,11 +216,11 @@ def at_few_sites(problem: Problem) -> Problem:
         return problem
     table = problem.observations.table
 
-    def change_of(parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
-        linear, near = problem.linear_change(parts, amounts), rows
+    def change_of(terms: Sequence[Term], rows: np.ndarray) -> np.ndarray:
+        linear, near, parts = problem.linear_change(terms), rows, [part for part, _ in terms]
         if not (any(part.binary for part in parts) or problem.path_dependent(parts)):
             near = np.isin(table["site"], chosen_sites(problem, linear, parts))
-        solved = problem.forces_with(parts, amounts, near) - problem.base
+        solved = problem.forces_with(terms, near) - problem.base
         return bent(linear, solved, near, table["depth_mm"].to_numpy(float))
 
     return problem.with_changes(problem.solves, change_of)

@@ -194,7 +194,7 @@ def proof_of(problem: Problem, fit: Refitted, left: np.ndarray, blocks: Blocks) 
     fit: of all readings, left (n,) [N] what it leaves; its values, and places, by the training readings alone follow by one
     linear step about it, as its columns are those of the real model there.
     """
-    uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts)).covariance
+    uncertain = problem.with_model_error(fit.terms).covariance
     step, spread = _training_step(uncertain, fit, left, blocks.train)
     base = Prediction(problem.residual, problem.covariance)
     answer = Prediction(left - fit.columns @ step, uncertain, fit.columns, spread)

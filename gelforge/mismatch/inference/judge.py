@@ -85,7 +85,7 @@ def explained(
     notes += [note] if note else []
     after = forces_of(problem, fit)
     left = problem.observations.flat(problem.observations.force - after)
-    uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts))
+    uncertain = problem.with_model_error(fit.terms)
     stage("the answer on held-out readings, and what it leaves")
     proof = proof_of(problem, fit, left, blocks) if blocks.held_out.any() else None
     if proof is not None:
@@ -142,7 +142,7 @@ def averaged(posterior: Posterior, mode: Effects, fit: Refitted) -> Refitted:
     """
     spread, at = fit.spread.copy(), 0
     values = {effects: one.by_name for effects, one in posterior.sets.items()}
-    for part, amounts in zip(fit.parts, fit.amounts):
+    for part, amounts in fit.terms:
         rows = slice(at, at + len(amounts))
         at += len(amounts)
         if not (part.binary or part.moved_from is not None):
@@ -297,10 +297,7 @@ def _could_have_seen(singles: Sequence[Screened]) -> bool:
 
 def in_range(problem: Problem, fit: Refitted) -> bool:
     """Return whether all values are physical and off their bounds."""
-    return all(
-        part.binary or problem.effects[part.name].in_range(amounts)
-        for part, amounts in zip(fit.parts, fit.amounts)
-    )
+    return all(part.binary or problem.effects[part.name].in_range(a) for part, a in fit.terms)
 
 
 def _wanting(posterior: Posterior, answer: Answer) -> bool:

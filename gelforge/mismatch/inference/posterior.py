@@ -21,7 +21,7 @@ from gelforge.mismatch.evidence.gaussian import NOTHING, UNKNOWN, log_prior, nor
 from gelforge.mismatch.evidence.identifiability import indistinguishable
 from gelforge.mismatch.evidence.kernels import Kernel, Weighed, weighed_unknown
 from gelforge.mismatch.evidence.problem import Problem
-from gelforge.mismatch.evidence.screen import Screened, chance_of, judged_under, screened
+from gelforge.mismatch.evidence.screen import Screened, chance_of, judged_under, screened, terms_of
 from gelforge.mismatch.inference.linear import Linear
 from gelforge.mismatch.result.verdict import Group
 from gelforge.mismatch.thresholds import (
@@ -286,7 +286,7 @@ def with_form_errors(problem: Problem, judged: Screened) -> Screened:
     found = []
     for error in FORM_ERRORS:
         parts = tuple(replace(part, form_error=error) for part in judged.parts)
-        wider = problem.with_model_error(parts, judged.amounts).covariance
+        wider = problem.with_model_error(terms_of(parts, judged.amounts)).covariance
         again = judged_under(wider, residual, parts)
         more = again.log_bayes_factor - judged.best_log_bayes_factor
         more += wider.log_density(residual) - exact.log_density(residual)

@@ -26,7 +26,7 @@ from gelforge.mismatch.evidence.gaussian import NOTHING
 from gelforge.mismatch.evidence.identifiability import indistinguishable
 from gelforge.mismatch.evidence.problem import Problem, never_solved, secant
 from gelforge.mismatch.evidence.refit import Refitted
-from gelforge.mismatch.evidence.screen import Candidate, Screened, judged_by
+from gelforge.mismatch.evidence.screen import Candidate, Screened, Term, judged_by
 from gelforge.mismatch.inference.holdout import Blocks, after_penalty, proof_of
 from gelforge.mismatch.inference.judge import Answer, Judgement, groups_of
 from gelforge.mismatch.inference.linear import Linear
@@ -221,9 +221,10 @@ class MaterialProblem(Problem):
         """Return the effect of a part with the parameters that it has in this shape."""
         return self.change_of(part).effect
 
-    def with_model_error(self, parts: Sequence[Candidate], amounts: np.ndarray) -> MaterialProblem:
-        """Return the problem with the covariance that belongs to what is predicted with parts at amounts (p,)."""
-        prediction = predicted(self.readings, [self.change_of(part) for part in parts], amounts)
+    def with_model_error(self, terms: Sequence[Term]) -> MaterialProblem:
+        """Return the problem with the covariance that belongs to what is predicted with effects at their values."""
+        model, amounts = [self.change_of(part) for part, _ in terms], [a for _, a in terms]
+        prediction = predicted(self.readings, model, np.concatenate(amounts))
         return replace(self, covariance=self.readings.covariance_of(prediction))
 
 
@@ -264,8 +265,7 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
             folds=(),
         )
         sure = {group.members[0] for group in answer.sure}
-        values = zip(fit.parts, fit.amounts)
-        physical = all(problem.effect_of(part).in_range(a) for part, a in values if part.name in sure)
+        physical = all(problem.effect_of(part).in_range(a) for part, a in fit.terms if part.name in sure)
         if physical and answer.adequacy.p > v.LEFT_P:
             state = "identified" if sure else "ambiguous"
     table = readings.table[["sample", "test", "part", "branch", "at", "time_s"]].assign(

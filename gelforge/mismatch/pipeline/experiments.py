@@ -78,7 +78,7 @@ def planned(
         effect, amounts = CATALOGUE[one.name], np.array([amount.value for amount in one.amounts])
         columns[one.name] = columns_of(context, effect, one.shape)
         part = Candidate(one.name, one.shape, columns[one.name], effect.prior_sd, np.zeros(len(amounts)))
-        directions = problem.errors_of([part], amounts)
+        directions = problem.errors_of([(part, amounts)])
         if directions.size:
             errors[one.name] = problem.covariance.errors(directions)
     presses = context.observations.table["press"].nunique()

@@ -18,7 +18,7 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.candidates import body_map
 from gelforge.mismatch.evidence.kernels import Module
 from gelforge.mismatch.evidence.problem import Problem
-from gelforge.mismatch.evidence.refit import Refitted
+from gelforge.mismatch.evidence.screen import Term
 from gelforge.mismatch.fem.nominal import observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Base
@@ -52,18 +52,18 @@ SOLUTIONS = "solves"  # folder of what is solved on the way, in the verdict's ow
 def patch_of(
     study: Study,
     effects: Mapping[str, Effect],
-    fit: Refitted | None,
+    terms: Sequence[Term] = (),
     module: Module | None = None,
     map_: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
-    """Return the keys that differ with the fitted effects.
+    """Return the keys that differ with effects at their values.
 
     What the finite elements know becomes keys of mechanics (and `plan.symmetry: none` instead of `d4`, where mirror images
     no longer hold); what belongs to force sensor, clock or single indentations goes to mismatch.known, which the judge
     adds to the base. The map of a module goes to mechanics where a study can have it, and nowhere else.
     """
     with_effects, known = study, []
-    for part, amounts in () if fit is None else zip(fit.parts, fit.amounts):
+    for part, amounts in terms:
         effect = effects[part.name]
         if effect.to_study is not None:
             with_effects = effect.to_study(with_effects, part.shape, tuple(amounts))
@@ -235,9 +235,9 @@ def of_effects(problem: Problem, names: Collection[str]) -> Problem:
 def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement) -> None:
     """Write config.patch.yaml: the fitted effects, and the map of a cause with a free form where a study can have it."""
     model = judgement.model
-    fit = None if model is not None and not model.beside else judgement.answered.fit
+    terms = () if model is not None and not model.beside else judgement.answered.fit.terms
     cause = (model.module, model.map()) if model is not None and model.sure else ()
-    if changes := patch_of(study, problem.effects, fit, *cause):
+    if changes := patch_of(study, problem.effects, terms, *cause):
         out.mkdir(parents=True, exist_ok=True)
         write_yaml(out / PATCH, changes)
 

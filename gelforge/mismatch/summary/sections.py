@@ -71,9 +71,8 @@ def after_of(joint: Problem, judgement: Judgement) -> np.ndarray | None:
     """Return forces and flow (R, 3) of all readings with the answer's effects; None without images or an answer."""
     if joint.flow is None or judgement.answer is None:
         return None
-    fit = judgement.answer.fit
-    parts = [joint.at_its_place(part) for part in fit.parts]
-    return joint.forces_with(parts, fit.amounts, np.ones(len(joint.base), bool))
+    terms = [(joint.at_its_place(part), a) for part, a in judgement.answer.fit.terms]
+    return joint.forces_with(terms, np.ones(len(joint.base), bool))
 
 
 def flow_section(joint: Problem, judgement: Judgement, after: np.ndarray | None) -> form.Flow | None:
