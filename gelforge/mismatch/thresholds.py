@@ -32,7 +32,7 @@ PLAUSIBLE = 0.1
 # Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm.
 # Chi-square and scan are exact: below LEFT_P either is an alarm by itself, in at most 4 of 1,000 recordings by chance.
 NOTHING_P = 0.1
-LIKELY = 0.5  # a discrepancy that is more probable than not leaves no answer
+NEGLIGIBLE = 0.1  # probability below which no effect is solved, and no credible set is reported
 CREDIBLE = 0.95  # of an effect's probability, which its credible set holds: the usual one
 MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too few (judgement)
 # On recordings of 4 to 25 sites the largest of a scan's 75 to 230 correlated scores exceeds 3.5 to 3.7 by chance in 2.5 %,
@@ -53,7 +53,6 @@ MOST_WITH_ERROR = 50  # such sets
 BEAM = 30  # pairs that a third effect is tried beside
 BESIDE = 6  # best sets beside which a discrepancy is weighed
 NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
-WORTH_SOLVING = 0.1  # probability of an effect, below which no effect is solved
 MOST_SOLVED = 4  # sets that are fitted with the finite elements
 MOST_SOLUTIONS = 3  # of one set
 MOST_FREE = 8  # sets that are fitted and need none

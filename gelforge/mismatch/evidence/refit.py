@@ -13,13 +13,12 @@ from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidence
 from gelforge.mismatch.evidence.problem import Problem, secant
 from gelforge.mismatch.evidence.screen import Candidate, Screened, Term, displaced, terms_of
+from gelforge.mismatch.model.effect import ON_BOUND
+from gelforge.mismatch.thresholds import OBSERVABLE_SNR
 
-MOST_STEPS = 16  # of a fit; where a place is fitted each costs a solution
-# Of a place, whose columns are secants: gains of the cost (some 1,000) below a seventh of a standard deviation, and steps
-# below a hundredth of where it is from the start, are not waited for.
-OF_PLACE = {"ftol": 1e-5, "xtol": 1e-2}
-SEEN_SNR = 0.5  # of a way half to the next place: what the readings see less of is not fitted
-INSIDE = 1e-3  # of a bound's distance from zero that values keep from it, where it is not physical itself
+INSIDE = (
+    ON_BOUND / 2
+)  # of a bound's distance from zero that values keep from it, where it is not physical itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +104,10 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
 
     converged = True
     if free.any():
-        limits = OF_PLACE if variables.moves and solved else {}
-        fit = least_squares(misfit, first, slope, (low, high), "dogbox", max_nfev=MOST_STEPS, **limits)
+        # Of a place, whose columns are secants: gains of the cost (some 1,000) below a seventh of a standard deviation, and
+        # steps below a hundredth of where it is from the start, are not waited for; each costs a solution.
+        limits = {"ftol": 1e-5, "xtol": 1e-2} if variables.moves and solved else {}
+        fit = least_squares(misfit, first, slope, (low, high), "dogbox", max_nfev=16, **limits)
         converged, at = fit.status > 0, with_free(fit.x)
     left = residual - changes[at.tobytes()]
     factor, spread = _evidence(left, variables, J, at)
@@ -247,7 +248,7 @@ def variables_of(problem: Problem, start: Screened, mask: np.ndarray, placing: b
         for axis, slope in slopes.items():
             way = slope.columns @ amounts
             moved = float(before.shape[axis]) - float(part.shape[axis])
-            if moved or np.linalg.norm(covariance.whiten(way[mask])) * slope.half > SEEN_SNR:
+            if moved or np.linalg.norm(covariance.whiten(way[mask])) * slope.half > OBSERVABLE_SNR:
                 moves.append(Move(k, axis, way, slope.half, slope.low, slope.high, moved))
     return Variables(problem, replace(start, parts=parts), tuple(moves), mask)
 

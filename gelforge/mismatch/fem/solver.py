@@ -40,7 +40,6 @@ from gelforge.mismatch.model.images_of_presses import (
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
-MOST_MESH_ERROR = 1.5  # factor; beyond it (the unloading's last touch) the ratio says nothing
 Amounts = tuple[Effect, Shape, np.ndarray]
 PART = 0.3  # of the difference to the coarser mesh, root mean square over depths
 CROSS = 0.04  # of the vertical difference, on horizontal forces: near a wall they lean on it
@@ -48,7 +47,6 @@ CROSS = 0.04  # of the vertical difference, on horizontal forces: near a wall th
 # is 3 to 4 % off (docs/accuracy.md), FElupe's sideways forces differ by 7 % root mean square from 0.8 mm on, 1 / sqrt(2) of
 # which is the error of each code (python -m validation.checks.between_codes --bases concealed --sizes 0.3 0.6).
 SIDEWAYS = 0.05
-LEAST = 1e-3  # of the largest force: below it the indenter is about to leave
 
 
 @dataclass(frozen=True)
@@ -236,7 +234,7 @@ def _share(fine: np.ndarray, coarse: np.ndarray) -> np.ndarray:
     """Return by how much changes on the coarser mesh are to be multiplied (R, 1): as the pressing force itself."""
     known = np.abs(coarse[:, 2:]) > 0
     share = np.divide(fine[:, 2:], coarse[:, 2:], out=np.ones_like(fine[:, 2:]), where=known)
-    return np.clip(share, 1 / MOST_MESH_ERROR, MOST_MESH_ERROR)
+    return np.clip(share, 1 / 1.5, 1.5)  # beyond it (the unloading's last touch) the ratio says nothing
 
 
 def forces_with(
@@ -362,7 +360,7 @@ def base_bars(total: np.ndarray, coarse: np.ndarray, sideways: float = SIDEWAYS)
     """
     size = np.linalg.norm(total, axis=1, keepdims=True)
     difference = total - coarse
-    carries = (size > LEAST * size.max()).ravel()
+    carries = (size > 1e-3 * size.max()).ravel()  # below, the indenter is about to leave
     x, y, z = ((difference[carries] / size[carries]) ** 2).sum(axis=0) / max(carries.sum(), 1)
     horizontal = np.sqrt(PART**2 * (x + y) / 2 + CROSS**2 * z)
     sigma = np.array([horizontal, horizontal, PART * np.sqrt(z)]) * size

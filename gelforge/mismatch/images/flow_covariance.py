@@ -12,14 +12,8 @@ from gelforge.mismatch.evidence.covariance import Covariance, Draws, estimated_n
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.fem.solver import PART
 from gelforge.mismatch.images.flow_images import REGIONS
-from gelforge.mismatch.images.flow_model import LOOKS, OTHER_BLUR_PX, OTHER_DIAMETER, FlowModel
+from gelforge.mismatch.images.flow_model import FlowModel
 from gelforge.mismatch.readings.observations import Observations
-
-# Of the flow of a region: what drawing leaves out of a real image (glare, particles that are no balls, distortion).
-DRAWN_SHARE = 0.01
-# By how much more the highest particles are seen, and the lowest less, than in a drawn image: light, focus, cover.
-OTHER_HEIGHTS = 0.3
-LEAST_PX = 0.005  # an 8-bit image holds no smaller mean motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +61,12 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
     images = np.array([p.images for p in model.seen])[:, None, None]
     base = model.drawn.mean(axis=1)
     scatter = scatter_of(model.drawn, np.all(rows.shown, axis=0))
-    variance = noise**2 / images + scatter.own**2 + LEAST_PX**2
-    variance = variance + (DRAWN_SHARE * _smoothed(base**2) ** 0.5) ** 2
+    least_px, undrawn = (
+        0.005,
+        0.01,
+    )  # an 8-bit image holds no smaller mean motion; a share of the flow of a region
+    variance = noise**2 / images + scatter.own**2 + least_px**2
+    variance = variance + (undrawn * _smoothed(base**2) ** 0.5) ** 2
     flow = labels.iloc[n:]
     f, site_of_force = len(flow), dict(zip(labels["site"].iloc[:n], alike.group))
     seen_at = flow.groupby(["site", "axis"]).ngroup().to_numpy()
@@ -183,17 +181,22 @@ def _contact_points(problem: Problem, model: FlowModel, rows: Rows):
 
 
 def _doubts(model: FlowModel) -> list[np.ndarray]:
-    """Return changes of the flow (F, m, 2) by one standard deviation of what is not known: mesh, heights, blur, diameter."""
+    """Return changes of the flow (F, m, 2) by one standard deviation of what is not known: mesh, heights, blur, diameter.
+
+    What no recording states of its particles' look is off by as much: blur by half a pixel, diameter by a fifth. By light,
+    focus and cover the highest are seen by 0.3 more, and the lowest by as much less, than in a drawn image. Looks are drawn
+    in three placements: their scatter is a part of a part.
+    """
+    few, eyes = model.particles.first(3), model.eyes
     blurred = [
-        replace(eye, imaging=eye.imaging.model_copy(update={"blur_px": eye.imaging.blur_px + OTHER_BLUR_PX}))
-        for eye in model.eyes
+        replace(eye, imaging=eye.imaging.model_copy(update={"blur_px": eye.imaging.blur_px + 0.5}))
+        for eye in eyes
     ]
-    few, eyes = model.particles.first(LOOKS), model.eyes
-    larger = replace(few, diameter_mm=few.diameter_mm * OTHER_DIAMETER)
+    larger = replace(few, diameter_mm=few.diameter_mm * 1.2)
     as_they_are = model.by_height(eyes, few)
     return [
         PART * model.change([one.coarse - one.even for one in model.motions]),
-        model.other_heights(OTHER_HEIGHTS),
+        model.other_heights(0.3),
         (model.by_height(blurred, few) - as_they_are).mean(axis=1),
         (model.by_height(eyes, larger) - as_they_are).mean(axis=1),
     ]

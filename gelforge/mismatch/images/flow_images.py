@@ -36,15 +36,11 @@ from gelforge.virtual_lab.particles import gel_boxes, place_particles
 
 REGIONS = 8  # along each side: 15 to 20 particles per region of the published sensor's gel
 PRESET = "fine"  # of the flow, as the factory's features
-DRAWINGS = 32  # placements of particles, for the mean and its scatter
 SPREAD_PX = 10.0  # over which the search spreads what it finds: about the distance of particles in the image
 MOST_SITES = 12  # positions whose images are looked at
 # Largest mean motion of a region in an image that is looked at. Where particles move farther the search mistakes some:
 # at 6 px the flow in drawn images grows by twice what the gel's motion grows by, at 2 px by 1.05 (measured on the demo).
 MOST_PX = 2.5
-FIELD_CELLS = 40  # along each side, of the field by which an image is warped: as wide as SPREAD_PX
-SLOPE_STEP_MM = 1e-3  # of a displacement, for the slope of a projection: its curvature is 1e-5 of it
-FAR_MM = 1e4  # from where a flat scale is drawn as a pinhole: parallel rays within 1e-3
 
 
 @dataclass(frozen=True)
@@ -103,14 +99,15 @@ class Particles:
         return np.split(field, np.cumsum([len(p) for p in self.placed])[:-1])
 
 
-def likely_particles(sensor: Sensor, seed: int) -> Particles:
+def likely_particles(sensor: Sensor, seed: int, drawings: int = 32) -> Particles:
     """Return placements at the sensor's volume fraction. Raises VirtualLabError where no layer carries particles.
 
-    Their diameter is that of the virtual lab's default, 0.3 mm: no file of a session states it.
+    drawings: how many, for the mean of drawn images and its scatter. Their diameter is that of the virtual lab's default,
+    0.3 mm: no file of a session states it.
     """
     share = max(layer.particle_volume_fraction for layer in sensor.layers)
     settings = VirtualParticles(**({"volume_fraction": min(share, 0.1)} if share > 0 else {}))
-    placed = [place_particles(settings, sensor, f"flow {seed} {k}") for k in range(DRAWINGS)]
+    placed = [place_particles(settings, sensor, f"flow {seed} {k}") for k in range(drawings)]
     return Particles(tuple(placed), settings.diameter_mm)
 
 
@@ -139,10 +136,10 @@ def mean_motion_slope(
 ) -> np.ndarray:
     """Return d mean motion / d displacement (m, 2, G, 3) [px/mm] of nodes, whose weights at the points are (Q, G)."""
     part = _parts_of_regions(eye, eye.pixels(points))
-    slopes = []
-    for step in SLOPE_STEP_MM * np.eye(3):
+    slopes, size = [], 1e-3  # mm, over which the projection's curvature is 1e-5 of its slope
+    for step in size * np.eye(3):
         there, back = (eye.pixels(points + moved + sign * step) for sign in (1, -1))
-        slopes.append((there - back) / (2 * SLOPE_STEP_MM))
+        slopes.append((there - back) / (2 * size))
     found = [[(weights.T @ (part * along[:, k, None])).T for along in slopes] for k in range(2)]
     return np.moveaxis(np.array(found), (0, 1, 2, 3), (1, 3, 0, 2))
 
@@ -324,23 +321,27 @@ def flow_of_warp(
     return region_means(search(moved))
 
 
-def motion_field(eye: CameraView, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Return the mean motion (H, W, 2) float32 [px] of points (Q, 3) [mm] seen near each pixel, moved by (Q, 3) [mm]."""
+def motion_field(eye: CameraView, points: np.ndarray, moved: np.ndarray, cells: int = 40) -> np.ndarray:
+    """Return the mean motion (H, W, 2) float32 [px] of points (Q, 3) [mm] seen near each pixel, moved by (Q, 3) [mm].
+
+    cells: along each side, between which it is interpolated; as wide as SPREAD_PX.
+    """
     pixels = eye.pixels(points)
     motion = eye.pixels(points + moved) - pixels
     (u, v), (*_, width, height) = eye.in_frame(pixels), eye.frame
-    rows, columns = _within(v, height, FIELD_CELLS), _within(u, width, FIELD_CELLS)
+    rows, columns = _within(v, height, cells), _within(u, width, cells)
     seen = np.maximum(rows.T @ columns, np.finfo(np.float32).eps)  # far from all points nothing moves
-    cells = np.stack([rows.T @ (columns * motion[:, k, None]) / seen for k in range(2)], axis=-1)
-    return enlarged(cells, width, height)
+    means = np.stack([rows.T @ (columns * motion[:, k, None]) / seen for k in range(2)], axis=-1)
+    return enlarged(means, width, height)
 
 
 def pinhole(camera: Camera) -> Camera:
     """Return a camera as a pinhole; a flat scale as one so far away that its rays are parallel."""
     if camera.focal_px is not None:
         return camera
-    far = np.asarray(camera.position_mm) - FAR_MM * image_axes(camera)[2]
-    focal_px = FAR_MM / given(camera.mm_per_px, "camera.mm_per_px")
+    away_mm = 1e4  # rays are parallel within 1e-3
+    far = np.asarray(camera.position_mm) - away_mm * image_axes(camera)[2]
+    focal_px = away_mm / given(camera.mm_per_px, "camera.mm_per_px")
     changed = {"mm_per_px": None, "focal_px": focal_px, "position_mm": far.tolist()}
     return Camera(**(camera.model_dump() | changed))
 

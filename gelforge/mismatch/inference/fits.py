@@ -35,8 +35,6 @@ from gelforge.mismatch.thresholds import (
 )
 from gelforge.progress import stage
 
-ORDER = 2  # of the polynomial
-
 
 @dataclass(frozen=True, eq=False)
 class Fits:
@@ -226,17 +224,19 @@ def at_few_sites(problem: Problem) -> Problem:
     return problem.with_changes(problem.solves, change_of)
 
 
-def bent(linear: np.ndarray, solved: np.ndarray, near: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def bent(
+    linear: np.ndarray, solved: np.ndarray, near: np.ndarray, depth: np.ndarray, order: int = 2
+) -> np.ndarray:
     """Return a change (R, 3) [N]: as solved at the rows near (R,) bool, elsewhere linear, bent by a polynomial of depth."""
     change = linear.copy()
     change[near] = np.where(np.isfinite(solved[near]), solved[near], linear[near])
-    powers = (depth / max(depth.max(initial=0.0), np.finfo(float).tiny))[:, None] ** np.arange(ORDER + 1)
+    powers = (depth / max(depth.max(initial=0.0), np.finfo(float).tiny))[:, None] ** np.arange(order + 1)
     for axes in ([2], [0, 1]):
-        columns = (linear[:, axes, None] * powers[:, None, :]).reshape(-1, ORDER + 1)
+        columns = (linear[:, axes, None] * powers[:, None, :]).reshape(-1, order + 1)
         rows = np.repeat(near, len(axes))
         more = (change[:, axes] - linear[:, axes]).ravel()
         # a prior that holds the bend at none, as a share of the change's mean square
-        hold = 1e-3 * np.mean(columns[rows, 0] ** 2) * rows.sum() * np.eye(ORDER + 1)
+        hold = 1e-3 * np.mean(columns[rows, 0] ** 2) * rows.sum() * np.eye(order + 1)
         A = columns[rows].T @ columns[rows] + hold
         if A.any():
             bend = columns @ np.linalg.lstsq(A, columns[rows].T @ more[rows], rcond=None)[0]

@@ -31,7 +31,7 @@ from gelforge.mismatch.inference.holdout import Blocks, Proof, after_penalty, fo
 from gelforge.mismatch.inference.posterior import Effects, Posterior, chance_of_known, posterior_of
 from gelforge.mismatch.inference.scan import ResidualTests, residual_tests
 from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P, SURE, Group, HeldOut
-from gelforge.mismatch.thresholds import DETECTED_SNR, LIKELY, MOST_EFFECTS, NOTHING_P, WORTH_SOLVING
+from gelforge.mismatch.thresholds import DETECTED_SNR, MOST_EFFECTS, NEGLIGIBLE, NOTHING_P
 from gelforge.progress import stage
 
 
@@ -66,7 +66,7 @@ def explained(
     Where no effect could be fitted there is no answer, and the posterior stays as it is.
     """
     before = posterior
-    if max((posterior.holding([name]) for name in posterior.singles), default=0.0) < WORTH_SOLVING:
+    if max((posterior.holding([name]) for name in posterior.singles), default=0.0) < NEGLIGIBLE:
         problem = problem.linearised()
     elif posterior.holding([UNKNOWN]) >= SURE:
         # Softening explains nothing by itself then: to follow all indentations in order takes minutes and decides nothing.
@@ -301,8 +301,8 @@ def in_range(problem: Problem, fit: Refitted) -> bool:
 
 
 def _wanting(posterior: Posterior, answer: Answer) -> bool:
-    """Return whether an answer leaves more than noise, or a discrepancy is likely beside it or instead."""
-    return answer.adequacy.p <= LEFT_P or posterior.holding([UNKNOWN]) > LIKELY
+    """Return whether an answer leaves more than noise, or a discrepancy is more probable than not."""
+    return answer.adequacy.p <= LEFT_P or posterior.holding([UNKNOWN]) > 0.5
 
 
 def _state(posterior: Posterior, answer: Answer | None, out: bool, model: Modelled | None) -> str:
@@ -318,7 +318,7 @@ def _state(posterior: Posterior, answer: Answer | None, out: bool, model: Modell
     adequate = answer.adequacy.p > LEFT_P or (model is not None and model.beside)
     if answer.sure and adequate and (model is None or model.beside):
         return "identified"
-    if model is not None or not adequate or posterior.holding([UNKNOWN]) > LIKELY:
+    if model is not None or not adequate or posterior.holding([UNKNOWN]) > 0.5:
         return "unexplained"
     leading = max(answer.groups, key=lambda group: group.chance)
     return "ambiguous" if len(leading.names) <= MOST_EFFECTS else "inconclusive"

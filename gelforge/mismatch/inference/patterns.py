@@ -11,9 +11,6 @@ from scipy.spatial import cKDTree
 
 from gelforge.mismatch.readings.observations import spread_out
 
-BUMP_WIDTHS = (0.7, 1.5, 3.0)  # standard deviations, in distances of neighbouring sites
-PARTS = 4  # depth bands
-STEPS = 8  # parts of a session, between which the readings may step
 AXES = "xyz"
 FLOW = {
     "force along x": "flow along u",
@@ -99,7 +96,7 @@ def _bumps(labels: pd.DataFrame) -> Iterator[Profile]:
         return
     spacing = float(np.median(cKDTree(sites).query(sites, k=2)[0][:, 1]))
     reach = np.hypot(*np.ptp(sites, axis=0))
-    for width in (w * spacing for w in BUMP_WIDTHS):
+    for width in (0.7 * spacing, 1.5 * spacing, 3.0 * spacing):  # standard deviations
         # 7 x 7 centres resolve what bumps as wide as their spacing can show
         for x, y in sites[spread_out(sites, 49)] if width < reach else ():
             values = np.exp(-((xy - (x, y)) ** 2).sum(axis=1) / (2 * width**2))
@@ -119,12 +116,12 @@ def _waves(labels: pd.DataFrame) -> Iterator[Profile]:
             yield Pattern(f"wave with {i} half waves along x and {j} along y", "wave"), values, AXES
 
 
-def _depths(labels: pd.DataFrame) -> Iterator[Profile]:
+def _depths(labels: pd.DataFrame, bands: int = 4) -> Iterator[Profile]:
     depth = labels["depth_mm"].to_numpy(float)
     deepest = depth.max(initial=0)
     if deepest <= 0 or np.ptp(depth) == 0:
         return
-    edges = deepest * np.arange(PARTS + 1) / PARTS
+    edges = deepest * np.arange(bands + 1) / bands
     for lo, hi in zip(edges, edges[1:]):
         values = ((depth > lo) & (depth <= hi)).astype(float)
         yield Pattern(f"depths {lo:.3g} to {hi:.3g} mm", "depth", {"depth_mm": [lo, hi]}), values, "z"
@@ -132,7 +129,7 @@ def _depths(labels: pd.DataFrame) -> Iterator[Profile]:
         yield Pattern(name, "depth", {"depth_mm": [0.0, deepest]}), (depth / deepest) ** power, "z"
 
 
-def _times(labels: pd.DataFrame) -> Iterator[Profile]:
+def _times(labels: pd.DataFrame, parts: int = 8) -> Iterator[Profile]:
     sessions = labels["session"].to_numpy()
     names = list(dict.fromkeys(sessions))
     for session in names:
@@ -147,8 +144,8 @@ def _times(labels: pd.DataFrame) -> Iterator[Profile]:
         begin, end = float(time[here].min()), float(time[here].max())
         extent = {"session": session, "time_s": [begin, end]}
         yield Pattern(f"growing over the time{of}", "time", extent), _placed(here, t - 0.5), AXES
-        for k in range(1, STEPS):
-            late = t > k / STEPS
+        for k in range(1, parts):
+            late = t > k / parts
             if late.any() and not late.all():
                 begin = float(time[here][late].min())
                 region = {**extent, "time_s": [begin, end]}

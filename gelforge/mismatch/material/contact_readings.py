@@ -22,9 +22,7 @@ from gelforge.mismatch.material.material_readings import (
 )
 from gelforge.mismatch.model.effect import Parameter
 
-BASELINE = 0.01  # of the largest push: an optical lever's zero moves by as much between ways
 CONTACT = 0.02  # of the largest depth: the touch that Hertz's fit finds
-UNDER_LOAD = 0.05  # of the largest force
 CALIBRATED = "load cells are calibrated to 1 to 2 %, a moment or a bypass changes it by some more"
 
 
@@ -63,12 +61,13 @@ def press_readings(press: IndentationTest) -> Readings:
     noise = np.hypot(row_noise(approach.force_N) / np.sqrt([len(g) for g in groups]), FORCE_CLASS * push)
     slope = 1.5 * k * np.sqrt(np.maximum(table["at"].to_numpy(), 0.0))
     misfit = float(np.sqrt(np.mean((y - base)[table["is_base"] & (base > 0)] ** 2)))
-    C = np.diag(noise**2) + (BASELINE * push) ** 2 * alike(table["segment"])
+    zero = 0.01 * push  # an optical lever's zero moves by as much between ways
+    C = np.diag(noise**2) + zero**2 * alike(table["segment"])
     C += misfit_covariance(share, misfit) + (CONTACT * deepest) ** 2 * np.outer(slope, slope)
     said = [text for text in press.findings if "bending" in text]
     said += ["no time is recorded: relaxation cannot be distinguished from the order of rows"] * (not timed)
     readings = Readings(
-        table, y, base, C, noise, np.full(len(y), misfit), BASELINE * push,
+        table, y, base, C, noise, np.full(len(y), misfit), zero,
         f"Hertz's ball on a half space, F = k d^1.5, fitted to the approach of {press.sample}",
         tuple(f"{press.sample}: {text}" for text in said),
     )  # fmt: skip
@@ -164,7 +163,7 @@ def pair_readings(pair: ForcePair) -> Readings:
     noise = np.hypot(np.hypot(row_noise(one), row_noise(two)) / np.sqrt(count), FORCE_CLASS * largest)
     C = np.diag(noise**2) + (FORCE_CLASS * largest) ** 2 * alike(table["part"])
     # what comes with the load at a place and is no gain: friction at the fixture, a force that bypasses a load cell
-    C += (UNDER_LOAD * largest) ** 2 * alike(table["place"])
+    C += (0.05 * largest) ** 2 * alike(table["place"])
     per_row = means(groups, np.gradient(one))  # [N] from one reading to the next
     # load cells that are not read at one instant: either value may be up to a reading old, now more and now less
     C += 0.5**2 * (np.diag(per_row**2) + np.outer(per_row, per_row))

@@ -23,12 +23,8 @@ FLOW = Parameter(
     "flow_stiffness", "1", 1.0, (0.0, 20.0), "as much as the nominal one: half of what holds flows"
 )
 OTHER_SHAPE = "the unrelaxed constitutive model is of another shape than the loading"
-# Of flow that stress speeds up: the strain that loads the element once, as a share of the base's range, and how fast it
-# flows at little stress, as a share of the base's rate: the stress of a steady ramp is asinh(1 / share) of those strains.
-FLOW_STRAINS, FLOW_RATES = (0.02, 0.05, 0.1, 0.2), (1e-2, 1e-4, 1e-6, 1e-8)
 # A stress (n,) at the readings, and what each Maxwell element loses of it (n, k).
 Losing = tuple[np.ndarray, np.ndarray]
-SOFTENINGS = ((0.03, 0.1), (0.1, 0.1), (0.3, 0.1), (0.1, 0.5), (1.0, 0.1))  # (m / largest energy, beta)
 SOFTENING = Parameter(
     "one_over_r", "1", 0.3, (0.0, 1.0), "r of 1.5 to 5 in filled rubber (Ogden & Roxburgh 1999)"
 )
@@ -128,7 +124,10 @@ def viscoelastic(tests: StressTests) -> list[Change]:
     if np.abs(gone).max() <= 1e-6 * np.abs(base).max():
         return []
     kind, first = next(iter(tests.bases.items()))
-    shares, slow = (a.ravel() for a in np.meshgrid(FLOW_STRAINS, FLOW_RATES, indexing="ij"))
+    # Of flow that stress speeds up: the strain that loads the element once, as a share of the base's range, and how fast it
+    # flows at little stress, as a share of the base's rate: a steady ramp's stress is asinh(1 / share) of those strains.
+    grid = np.meshgrid((0.02, 0.05, 0.1, 0.2), (1e-2, 1e-4, 1e-6, 1e-8), indexing="ij")
+    shares, slow = (a.ravel() for a in grid)
     rates = slow * first.rate_per_s / (shares * tests.reach(kind))
     held = []
     for p in tests.paths:
@@ -245,7 +244,7 @@ def softenings(W: np.ndarray, largest: np.ndarray, rows: np.ndarray | float = 1.
             "mullins", SOFTENING, -lost_share(W, largest, m * top, beta) * rows,
             {"m_of_largest_energy": m, "beta": beta},
         )
-        for m, beta in SOFTENINGS
+        for m, beta in ((0.03, 0.1), (0.1, 0.1), (0.3, 0.1), (0.1, 0.5), (1.0, 0.1))
     ]  # fmt: skip
 
 

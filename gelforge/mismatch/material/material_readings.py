@@ -18,9 +18,6 @@ from gelforge.mismatch.thresholds import FEW_SITES, HELD_OUT
 
 # Of a test's largest stress: an ordinary load cell's class, and what a digitised point is off by
 FORCE_CLASS = 5e-3
-FORM_ERROR = 0.05  # of the mismatch: what a formula with few values misses of what it stands for
-FORM_LENGTH = 0.3  # of a branch, over which that error keeps its sign
-LAW_LENGTH = 0.15  # of the range of strain, over which a law's misfit keeps its sign
 # Of each effect: the experiment on a material that decides.
 DECIDED_BY = {
     "viscoelastic": "hold at one strain for a hundred times the duration of the loading, and load at a tenth of its rate",
@@ -34,7 +31,6 @@ DECIDED_BY = {
     "force_hysteresis": "load and unload a steel spring",
     "clock_offset": "tap once and compare the instants",
 }
-MANY_SEGMENTS = 12  # for whole branches to be held out
 BRANCHES = {"load": "loading", "unload": "unloading", "hold": "holds"}
 
 
@@ -132,17 +128,18 @@ class Readings:
         return replace(self, changes=tuple(changes), cannot_know=(*self.cannot_know, *unseen))
 
     def with_form_error(self) -> Readings:
-        """Return the readings with the error allowed for every formula: along one branch, over FORM_LENGTH of it.
+        """Return the readings with the error allowed for every formula, 0.05 of the mismatch: along 0.3 of one branch.
 
-        It is the same for all sets of effects: an error in proportion to the change would favour what misses most.
+        What a formula with few values misses of what it stands for (judgement). It is the same for all sets of effects: an
+        error in proportion to the change would favour what misses most.
         """
         x = self.table["progress"].to_numpy()
-        near = np.exp(-np.abs(x[:, None] - x) / FORM_LENGTH)  # of all scales: a formula also misses a corner
+        near = np.exp(-np.abs(x[:, None] - x) / 0.3)  # of all scales: a formula also misses a corner
         off, sample = self.measured - self.base, self.table["sample"]
         # of each test's stress: where effects cancel, their formulas' errors do not
         squares = pd.DataFrame({"off": off**2, "measured": self.measured**2}).groupby(sample).transform("sum")
         share = np.minimum(np.sqrt(squares["off"] / squares["measured"]), 1.0).to_numpy()
-        d = FORM_ERROR * np.hypot(off, share * self.measured)
+        d = 0.05 * np.hypot(off, share * self.measured)
         return replace(self, fixed=self.fixed + np.outer(d, d) * near * alike(self.table["segment"]))
 
 
@@ -180,8 +177,8 @@ def alike(column: pd.Series) -> np.ndarray:
 
 
 def misfit_covariance(share: np.ndarray, misfit: float) -> np.ndarray:
-    """Return the covariance (n, n) of a law's misfit at shares (n,) of its range, which keeps its sign over LAW_LENGTH."""
-    return misfit**2 * np.exp(-np.abs(share[:, None] - share) / LAW_LENGTH)
+    """Return the covariance (n, n) of a law's misfit at shares (n,) of its range, which keeps its sign over 0.15 of it."""
+    return misfit**2 * np.exp(-np.abs(share[:, None] - share) / 0.15)
 
 
 def held_pieces(table: pd.DataFrame, rng: np.random.Generator) -> pd.Series:
@@ -195,7 +192,7 @@ def held_pieces(table: pd.DataFrame, rng: np.random.Generator) -> pd.Series:
     quarter = (4 * table["progress"]).astype(int).clip(upper=3) + 1
     choices = [
         (others, table["sample"].astype(str), FEW_SITES),
-        (free, segment, MANY_SEGMENTS),
+        (free, segment, 12),
         (free, segment + ", quarter " + quarter.astype(str), 0),
     ]
     if "place" in table:

@@ -40,7 +40,6 @@ from gelforge.mismatch.model.effect import Effect, Parameter
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.result import verdict as v
 from gelforge.mismatch.summary.findings import limits_of, verdict_of
-from gelforge.mismatch.thresholds import LIKELY
 from gelforge.progress import stage, tracked
 
 # In which effects apply: the material first and the sensor last.
@@ -48,7 +47,6 @@ ORDER = (
     *("viscoelastic", "adhesion", "mullins", "ageing", "temperature"),
     *("force_gain", "force_offset", "force_drift", "force_hysteresis", "clock_offset"),
 )
-STEP = 1e-4  # widths, of the Jacobian's differences
 SEED = 20261121  # any number: two runs say the same
 
 
@@ -107,8 +105,9 @@ def fitted(readings: Readings, changes: Sequence[Change]) -> Fitted:
         u = _most_probable(readings, model, C, u, prior_sd, bounds)
         prediction = predicted(readings, model, u * prior_sd)
         C = readings.covariance_of(prediction)
-    moved = [predicted(readings, model, (u + STEP * one) * prior_sd) - prediction for one in np.eye(len(u))]
-    J = np.column_stack(moved) / (STEP * prior_sd)
+    steps = 1e-4 * np.diag(prior_sd)
+    moved = [predicted(readings, model, u * prior_sd + step) - prediction for step in steps]
+    J = np.column_stack(moved) / steps.sum(axis=0)
     left = readings.measured - prediction + J @ (u * prior_sd)
     white = C.whiten(np.column_stack([left, J]))
     parts = [Candidate(c.name, c.shape, J[:, s], prior_sd[s], signs[s]) for c, s in zip(model, slices(model))]
@@ -247,7 +246,7 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
     state: v.State = "unexplained"
     if mismatch.p >= v.ALARM_P:
         state = "consistent" if any(limit.seen for limit in limits_of(problem)) else "inconclusive"
-    elif mode and posterior.probability[NOTHING] < LIKELY:
+    elif mode and posterior.probability[NOTHING] < 0.5:
         stage(f"{name}: the most probable effects at their plausible values, and what they leave")
         found = fitted(erring.readings, [problem.change_of(change) for change in fits[mode].model])
         fit, left, proof = found.refitted, readings.measured - found.prediction, None

@@ -25,12 +25,8 @@ from gelforge.mismatch.result.verdict import Amount, NamedEffect, Verdict
 from gelforge.mismatch.summary.findings import NINETY, limits_of
 
 CLEAR_S = 8.0  # between two indentations: the unloading, to the next position and down to the surface
-WEIGHTS_N = (0.5, 1.0, 2.0, 5.0)  # a usual set (judgement)
 WEIGHT_S = 20.0  # to put a weight on, read and take it off
-DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings at the time of the images
 LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)  # as long as a laboratory waits at each place (judgement)
-WAYS_UP = (0.75, 0.5, 0.25)  # of the indentation's depth
-LATER_DAYS = 30.0  # when a silicone that goes on curing has changed (judgement)
 
 
 def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Verdict:
@@ -87,7 +83,9 @@ def planned(
 
 def weights(study: Study, survivors: Sequence[NamedEffect]) -> Plan:
     """Return the plan of dead weights on the force sensor, along z and, turned, along x and y: the gel has no part in it."""
-    force = np.array([-w * axis for axis in np.eye(3) for w in WEIGHTS_N])
+    force = np.array(
+        [-w * axis for axis in np.eye(3) for w in (0.5, 1.0, 2.0, 5.0)]
+    )  # N, a usual set (judgement)
     R = len(force)
     at = [("weights", f"w{k}", k, 0, "load", WEIGHT_S * k, 1.0, 0.0, 0.0, 1.0, 1.0) for k in range(R)]
     table = pd.DataFrame(at, columns=COLUMNS[:11]).reindex(columns=COLUMNS)
@@ -128,7 +126,7 @@ def _spread(amount: Amount, parameter: Parameter) -> float:
 
 def planned_observations(
     study: Study,
-    dwell_s: tuple[float, ...] = DWELL_S,
+    dwell_s: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8, 0.9),
     ways_up: tuple[float, ...] = (),
     ages_days: tuple[float, ...] = (np.nan,),
 ) -> Observations:
@@ -234,13 +232,12 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
 
 def variants_of(study: Study) -> dict[str, Observations]:
     """Return the readings of a study's plan as it is and in other ways, by name."""
+    later = 30.0  # days: a silicone that goes on curing has changed (judgement)
     return {
         "the same plan again": planned_observations(study),
-        "the same plan, read during unloading too": planned_observations(study, ways_up=WAYS_UP),
+        "the same plan, read during unloading too": planned_observations(study, ways_up=(0.75, 0.5, 0.25)),
         f"the same plan with dwells of {LONG_DWELL_S[-1]:g} s": planned_observations(study, LONG_DWELL_S),
-        f"the same plan now and in {LATER_DAYS:g} days": planned_observations(
-            study, ages_days=(0.0, LATER_DAYS)
-        ),
+        f"the same plan now and in {later:g} days": planned_observations(study, ages_days=(0.0, later)),
     }
 
 

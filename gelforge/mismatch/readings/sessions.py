@@ -20,7 +20,6 @@ from gelforge.recording.readings import AXES, FORCE, Recording, read_recording
 from gelforge.recording.tables.checks import before_shear
 
 SPEED_MM_PER_S = 1.0  # assumed where an indentation has one moving row only
-RASTER = 0.9  # |rank correlation| of order with x or y above which time and place are one
 
 
 def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]:
@@ -192,7 +191,7 @@ def _with_order(found: Observations) -> Observations:
         if presses[axis].nunique() < 3:
             continue
         rank = presses[axis].rank().corr(presses["time_s"].rank())
-        if abs(rank) > RASTER:
+        if abs(rank) > 0.9:  # time and place are one
             unknown.append(
                 f"indentations were made in raster order (rank correlation of time with {axis[0]} {rank:.2f}):"
                 " ageing and drift "

@@ -21,12 +21,10 @@ from gelforge.mismatch.model.effect import Parameter
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.summary.sections import model_section
 from gelforge.mismatch.summary.words import sentence_of, shortcomings
+from gelforge.mismatch.thresholds import NEGLIGIBLE
 from gelforge.recording.readings import AXES
 
-NEGLIGIBLE = 0.1  # probability of a credible set, below which it is not reported
 NINETY = float(norm.ppf(0.95))
-LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
-PLACES = 3  # patterns of the scan that are reported
 
 
 def own_values(fit: Refitted | Screened, name: str) -> tuple[Candidate, np.ndarray, np.ndarray]:
@@ -209,8 +207,10 @@ def _where(mismatch: ResidualTests) -> list[form.Where]:
     for finding in mismatch.scan.ranked:
         strongest.setdefault(finding.kind, finding)
     found: list[form.Where] = []
-    for finding in [*strongest.values()][:PLACES]:
-        region = finding.region if finding.region.get("radius_mm", 0.0) <= LOCAL_MM else {}
+    for finding in [*strongest.values()][:3]:
+        region = (
+            finding.region if finding.region.get("radius_mm", 0.0) <= 5.0 else {}
+        )  # wider ones have no place
         axis = f"force {region['axis']}" if "axis" in region else "force"
         said = {"channel": axis, "p": None if found else mismatch.scan.p, "snr": finding.snr, **region}
         known = {key: value for key, value in said.items() if key in form.Where.model_fields}

@@ -6,7 +6,6 @@ from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.inference.judge import Answer, Judgement
 from gelforge.mismatch.result import verdict as form
 
-MOST_CLAUSES = 2  # of a headline
 MOST_WORDS = 25  # of a headline
 
 
@@ -51,8 +50,8 @@ def _identified(problem: Problem, judgement: Judgement, brief: bool) -> str:
             (_clause(problem, judgement.answer, group, brief), group.probability)
             for group in sorted(judgement.answer.sure, key=lambda group: -group.probability)
         ]
-    said = ", and ".join(clause for clause, _ in claims[:MOST_CLAUSES])
-    more = f", and {len(claims) - MOST_CLAUSES} more" if len(claims) > MOST_CLAUSES else ""
+    said = ", and ".join(clause for clause, _ in claims[:2])
+    more = f", and {len(claims) - 2} more" if len(claims) > 2 else ""
     left_out = "the simulation leaves out: " if brief else ""
     return f"{left_out}{said}{more} (probability {min(chance for _, chance in claims):.2f})."
 
