@@ -29,6 +29,14 @@ SCATTERED = 0.1
 PLAUSIBLE = 0.1
 
 # --- Alarm and state
+# Of the global test, of the scan, of a discrepancy and of the known effects each: any is an alarm, so at most four in
+# a hundred recordings, or materials, of which nothing is missing give a false one.
+ALARM_P = 0.01
+SURE = 0.9  # probability of an effect, or of effects of one line, from which it is identified
+# Of what an answer leaves, each of its two tests. Below the first what is left is reported. Below the second nothing is
+# identified: right answers come below 0.01 in two of a hundred by chance alone, and effects outside the catalogue that come
+# below it do so by far (docs/mismatch-method.md).
+ADEQUATE_P, LEFT_P = 0.01, 0.002
 # Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm.
 # Chi-square and scan are exact: below LEFT_P either is an alarm by itself, in at most 4 of 1,000 recordings by chance.
 NOTHING_P = 0.1
@@ -43,7 +51,15 @@ OBSERVABLE_SNR = 0.5  # of a plausible value; below it the expected log evidence
 ALIKE = 0.95  # correlation of sensitivities from which effects share a line: 0.31 of their change distinguishes them
 DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
 
+SAME_READINGS_SNR = (
+    2.0  # of the difference of two predictions, below which these readings do not show which is true
+)
+
 # --- Held-out readings
+# A gain counts above so many standard errors, or where it makes what was held out as many times likelier. For an answer that
+# was fixed without it the second comes by chance once in as many at most (Markov's inequality), one of the two in 2.3 % at
+# most (normal noise).
+HELD_OUT_ERRORS, HELD_OUT_ODDS = 2.0, 100.0
 HELD_OUT = 0.25  # of the sites and of the depths (judgement)
 FEW_SITES = round(1 / HELD_OUT)  # below which a quarter of the sites is none
 

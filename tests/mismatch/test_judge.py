@@ -15,8 +15,7 @@ from gelforge.mismatch.evidence.problem import secant
 from gelforge.mismatch.evidence.refit import refitted
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.inference.judge import _alarm, judge
-from gelforge.mismatch.result.verdict import LEFT_P
-from gelforge.mismatch.thresholds import FORM_ERRORS, MOST_EFFECTS, PLACE_ERROR
+from gelforge.mismatch.thresholds import FORM_ERRORS, LEFT_P, MOST_EFFECTS, PLACE_ERROR
 from gelforge.progress import Stages, show
 
 

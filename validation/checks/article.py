@@ -36,8 +36,9 @@ from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.pipeline.stage import solver_of, write_results
 from gelforge.mismatch.readings.errors import CONTACT_POINT_MM
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
-from gelforge.mismatch.result.verdict import SURE, Provenance, Verdict, versions
+from gelforge.mismatch.result.verdict import Provenance, Verdict, versions
 from gelforge.mismatch.summary.findings import group_entries, verdict_of
+from gelforge.mismatch.thresholds import SURE
 from gelforge.progress import show, tracked
 from gelforge.report.mismatch_page import write_mismatch_page
 

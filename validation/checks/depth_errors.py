@@ -25,7 +25,7 @@ from gelforge.mismatch.inference.posterior import chance_of_known
 from gelforge.mismatch.inference.scan import residual_tests
 from gelforge.mismatch.model.effect import Context
 from gelforge.mismatch.pipeline.stage import solver_of
-from gelforge.mismatch.result.verdict import ALARM_P
+from gelforge.mismatch.thresholds import ALARM_P
 from validation.draw import base_world
 from validation.library import Library, load_library
 from validation.presses import timeline

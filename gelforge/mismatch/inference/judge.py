@@ -30,8 +30,16 @@ from gelforge.mismatch.inference.fits import (
 from gelforge.mismatch.inference.holdout import Blocks, Proof, after_penalty, folds_of, proof_of, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior, chance_of_known, posterior_of
 from gelforge.mismatch.inference.scan import ResidualTests, residual_tests
-from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P, SURE, Group, HeldOut
-from gelforge.mismatch.thresholds import DETECTED_SNR, MOST_EFFECTS, NEGLIGIBLE, NOTHING_P
+from gelforge.mismatch.result.verdict import Group, HeldOut
+from gelforge.mismatch.thresholds import (
+    ALARM_P,
+    DETECTED_SNR,
+    LEFT_P,
+    MOST_EFFECTS,
+    NEGLIGIBLE,
+    NOTHING_P,
+    SURE,
+)
 from gelforge.progress import stage
 
 

@@ -36,10 +36,11 @@ from gelforge.mismatch.material.contact_readings import pair_readings, press_rea
 from gelforge.mismatch.material.material_effects import of_stress
 from gelforge.mismatch.material.material_readings import Change, Dense, Readings, held_pieces, patterns
 from gelforge.mismatch.material.stress_readings import stress_tests
-from gelforge.mismatch.model.effect import Effect, Parameter
+from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.result import verdict as v
 from gelforge.mismatch.summary.findings import limits_of, verdict_of
+from gelforge.mismatch.thresholds import ALARM_P, LEFT_P
 from gelforge.progress import stage, tracked
 
 # In which effects apply: the material first and the sensor last.
@@ -97,7 +98,7 @@ def fitted(readings: Readings, changes: Sequence[Change]) -> Fitted:
     model = tuple(sorted(changes, key=lambda change: ORDER.index(change.name)))
     parameters = [p for change in model for p in change.parameters]
     prior_sd, signs = np.array([p.width for p in parameters]), np.array([p.sign for p in parameters])
-    bounds = np.array([_limits(p) for p in parameters]).T / prior_sd
+    bounds = np.array([p.bounds for p in parameters]).T / prior_sd
     u = np.where(bounds[1] <= 0, -0.1, np.clip(0.1, *bounds))  # values in units of their widths
     # First every row by its own deviation, then with the correlations that belong to the prediction so far.
     C: Covariance = Dense(np.diag(readings.covariance.variance))
@@ -115,11 +116,6 @@ def fitted(readings: Readings, changes: Sequence[Change]) -> Fitted:
     evidence = C.log_density_of_white(white[:, 0]) + judged.log_bayes_factor
     at_fit = replace(judged, amounts=u * prior_sd, change=prediction - readings.base)
     return Fitted(model, prediction, C, at_fit, evidence)
-
-
-def _limits(parameter: Parameter) -> tuple[float, float]:
-    low, high = parameter.bounds
-    return (0.0 if parameter.sign > 0 else low), (0.0 if parameter.sign < 0 else high)
 
 
 def _most_probable(readings, model, covariance, start, prior_sd, bounds) -> np.ndarray:
@@ -244,7 +240,7 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
     posterior, fits = posterior_of(erring.readings)
     mode, answer, physical = next(iter(posterior.ranked()), NOTHING), None, True
     state: v.State = "unexplained"
-    if mismatch.p >= v.ALARM_P:
+    if mismatch.p >= ALARM_P:
         state = "consistent" if any(limit.seen for limit in limits_of(problem)) else "inconclusive"
     elif mode and posterior.probability[NOTHING] < 0.5:
         stage(f"{name}: the most probable effects at their plausible values, and what they leave")
@@ -265,7 +261,7 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
         )
         sure = {group.members[0] for group in answer.sure}
         physical = all(problem.effect_of(part).in_range(a) for part, a in fit.terms if part.name in sure)
-        if physical and answer.adequacy.p > v.LEFT_P:
+        if physical and answer.adequacy.p > LEFT_P:
             state = "identified" if sure else "ambiguous"
     table = readings.table[["sample", "test", "part", "branch", "at", "time_s"]].assign(
         measured=readings.measured,

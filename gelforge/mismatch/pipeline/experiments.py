@@ -119,8 +119,7 @@ def survivor(effect: NamedEffect) -> Screened:
 def _spread(amount: Amount, parameter: Parameter) -> float:
     """Return the standard deviation of a reported value, by a side that its physical range does not cut; else its width."""
     (low, high), value = amount.interval_90, amount.value
-    ends = {*parameter.bounds, 0.0} if parameter.sign else {*parameter.bounds}
-    sides = [abs(end - value) for end in (low, high) if end not in ends and low <= value <= high]
+    sides = [abs(end - value) for end in (low, high) if end not in parameter.bounds and low <= value <= high]
     return max(sides) / NINETY if sides else parameter.width
 
 

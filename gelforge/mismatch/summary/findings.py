@@ -21,7 +21,7 @@ from gelforge.mismatch.model.effect import Parameter
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.summary.sections import model_section
 from gelforge.mismatch.summary.words import sentence_of, shortcomings
-from gelforge.mismatch.thresholds import NEGLIGIBLE
+from gelforge.mismatch.thresholds import ALARM_P, NEGLIGIBLE
 from gelforge.recording.readings import AXES
 
 NINETY = float(norm.ppf(0.95))
@@ -108,9 +108,7 @@ def value_entries(
 
 def interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
     """Return the 90 % interval of a value, within its physical range."""
-    low, high = parameter.bounds
-    low, high = (0.0 if parameter.sign > 0 else low), (0.0 if parameter.sign < 0 else high)
-    return tuple(np.clip([a - NINETY * sd, a + NINETY * sd], low, high).tolist())
+    return tuple(np.clip([a - NINETY * sd, a + NINETY * sd], *parameter.bounds).tolist())
 
 
 def verdict_of(
@@ -140,7 +138,7 @@ def verdict_of(
         sentence=sentence_of(problem, judgement),
         mismatch=form.Mismatch(**vars(mismatch.test), scan_p=mismatch.scan.p, **asked),
         where=[
-            *(_where(mismatch) if mismatch.p < form.ALARM_P else []),
+            *(_where(mismatch) if mismatch.p < ALARM_P else []),
             *(located(judgement.answered, sensor) if groups else []),
         ],
         answer=groups,

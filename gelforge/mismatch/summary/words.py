@@ -5,6 +5,7 @@ from __future__ import annotations
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.inference.judge import Answer, Judgement
 from gelforge.mismatch.result import verdict as form
+from gelforge.mismatch.thresholds import ADEQUATE_P, LEFT_P
 
 MOST_WORDS = 25  # of a headline
 
@@ -84,7 +85,7 @@ def _why_unexplained(judgement: Judgement) -> str:
         return "no effect is probable enough, or none could be fitted"
     if judgement.out_of_range:
         return "the best one needs a value that is not physical"
-    if judgement.answer.adequacy.p <= form.LEFT_P:
+    if judgement.answer.adequacy.p <= LEFT_P:
         return "the best one leaves a residual"
     return f"a change of {judgement.posterior.discrepancy_words} is more probable"
 
@@ -99,11 +100,11 @@ def _left_over(judgement: Judgement) -> list[str]:
     if judgement.answer is None or judgement.state == "unexplained":
         return []
     left = judgement.answer.adequacy
-    if left.p > form.ADEQUATE_P:
+    if left.p > ADEQUATE_P:
         return []
     return [
         f"something small may be there in addition to the answer, most clearly {left.scan.best.name}: as much is left by"
-        f" chance with p = {left.p:.2g}; below {form.LEFT_P:g} nothing would have been identified"
+        f" chance with p = {left.p:.2g}; below {LEFT_P:g} nothing would have been identified"
     ]
 
 
