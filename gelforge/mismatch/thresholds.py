@@ -39,7 +39,7 @@ SURE = 0.9  # probability of an effect, or of effects of one line, from which it
 ADEQUATE_P, LEFT_P = 0.01, 0.002
 # Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm.
 # Chi-square and scan are exact: below LEFT_P either is an alarm by itself, in at most 4 of 1,000 recordings by chance.
-NOTHING_P = 0.1
+NOTHING_P = round(1 - SURE, 12)  # that something is missing is then as probable as a claim has to be
 NEGLIGIBLE = 0.1  # probability below which no effect is solved, and no credible set is reported
 CREDIBLE = 0.95  # of an effect's probability, which its credible set holds: the usual one
 MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too few (judgement)

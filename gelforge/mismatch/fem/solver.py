@@ -42,7 +42,6 @@ from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
 Amounts = tuple[Effect, Shape, np.ndarray]
 PART = 0.3  # of the difference to the coarser mesh, root mean square over depths
-CROSS = 0.04  # of the vertical difference, on horizontal forces: near a wall they lean on it
 # Of a sideways force itself, which errs by wall and skin, and that a mesh of twice the sizes does not show: the default mesh
 # is 3 to 4 % off (docs/accuracy.md), FElupe's sideways forces differ by 7 % root mean square from 0.8 mm on, 1 / sqrt(2) of
 # which is the error of each code (python -m validation.checks.between_codes --bases concealed --sizes 0.3 0.6).
@@ -362,7 +361,8 @@ def base_bars(total: np.ndarray, coarse: np.ndarray, sideways: float = SIDEWAYS)
     difference = total - coarse
     carries = (size > 1e-3 * size.max()).ravel()  # below, the indenter is about to leave
     x, y, z = ((difference[carries] / size[carries]) ** 2).sum(axis=0) / max(carries.sum(), 1)
-    horizontal = np.sqrt(PART**2 * (x + y) / 2 + CROSS**2 * z)
+    # 0.04 of the vertical difference: near a wall horizontal forces lean on it
+    horizontal = np.sqrt(PART**2 * (x + y) / 2 + 0.04**2 * z)
     sigma = np.array([horizontal, horizontal, PART * np.sqrt(z)]) * size
     sigma = np.hypot(sigma, sideways * np.abs(total) * [1.0, 1.0, 0.0])
     return np.where(carries[:, None], sigma, np.maximum(sigma, PART * np.abs(difference)))

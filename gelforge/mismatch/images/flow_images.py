@@ -37,7 +37,6 @@ from gelforge.virtual_lab.particles import gel_boxes, place_particles
 REGIONS = 8  # along each side: 15 to 20 particles per region of the published sensor's gel
 PRESET = "fine"  # of the flow, as the factory's features
 SPREAD_PX = 10.0  # over which the search spreads what it finds: about the distance of particles in the image
-MOST_SITES = 12  # positions whose images are looked at
 # Largest mean motion of a region in an image that is looked at. Where particles move farther the search mistakes some:
 # at 6 px the flow in drawn images grows by twice what the gel's motion grows by, at 2 px by 1.05 (measured on the demo).
 MOST_PX = 2.5
@@ -190,8 +189,9 @@ def seen_flows(
     observations: Observations,
     sensor: Sensor,
     depth_mm: float | None = None,
+    most_sites: int = 12,
 ) -> list[FlowObservation]:
-    """Return the flow of one indentation at each of at most MOST_SITES sites, of sessions with images that say their camera.
+    """Return the flow of one indentation at each of so many sites at most, of sessions with images that say their camera.
 
     The first site, then always the farthest from those. depth_mm: the nearest to it that has images; None: to the deepest
     at which the first site moves no region by more than MOST_PX, or the smallest.
@@ -213,7 +213,7 @@ def seen_flows(
     if not by_site:
         return []
     sites = sorted(by_site)
-    chosen = [sites[k] for k in spread_out(observations.sites[sites], MOST_SITES, 0)]
+    chosen = [sites[k] for k in spread_out(observations.sites[sites], most_sites, 0)]
     depth = _depth_seen(by_site[chosen[0]]) if depth_mm is None else depth_mm
     nearest = [min(by_site[site], key=lambda one: abs(one.depth_mm - depth)) for site in chosen]
     return _with_common_noise([_measured(one) for one in nearest])

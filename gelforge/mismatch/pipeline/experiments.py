@@ -25,8 +25,6 @@ from gelforge.mismatch.result.verdict import Amount, NamedEffect, Verdict
 from gelforge.mismatch.summary.findings import NINETY, limits_of
 
 CLEAR_S = 8.0  # between two indentations: the unloading, to the next position and down to the surface
-WEIGHT_S = 20.0  # to put a weight on, read and take it off
-LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)  # as long as a laboratory waits at each place (judgement)
 
 
 def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Verdict:
@@ -81,13 +79,16 @@ def planned(
     return Plan(name, minutes, presses, problem.covariance, columns, errors)
 
 
-def weights(study: Study, survivors: Sequence[NamedEffect]) -> Plan:
-    """Return the plan of dead weights on the force sensor, along z and, turned, along x and y: the gel has no part in it."""
+def weights(study: Study, survivors: Sequence[NamedEffect], each_s: float = 20.0) -> Plan:
+    """Return the plan of dead weights on the force sensor, along z and, turned, along x and y: the gel has no part in it.
+
+    each_s: to put one on, read and take it off.
+    """
     force = np.array(
         [-w * axis for axis in np.eye(3) for w in (0.5, 1.0, 2.0, 5.0)]
     )  # N, a usual set (judgement)
     R = len(force)
-    at = [("weights", f"w{k}", k, 0, "load", WEIGHT_S * k, 1.0, 0.0, 0.0, 1.0, 1.0) for k in range(R)]
+    at = [("weights", f"w{k}", k, 0, "load", each_s * k, 1.0, 0.0, 0.0, 1.0, 1.0) for k in range(R)]
     table = pd.DataFrame(at, columns=COLUMNS[:11]).reindex(columns=COLUMNS)
     sigma = np.broadcast_to(np.array(ForceSensor().resolution_N) / np.sqrt(12), (R, 3)).copy()
     observations = Observations(
@@ -102,7 +103,7 @@ def weights(study: Study, survivors: Sequence[NamedEffect]) -> Plan:
         nothing = np.zeros((3 * R, len(effect.parameters)))
         columns[effect.name] = columns_of(still, effect, one.shape) if of_sensor else nothing
     name, covariance = "dead weights on the force sensor, along each axis", Covariance(sigma.ravel() ** 2)
-    return Plan(name, R * WEIGHT_S / 60, 0, covariance, columns)
+    return Plan(name, R * each_s / 60, 0, covariance, columns)
 
 
 def survivor(effect: NamedEffect) -> Screened:
@@ -231,11 +232,12 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
 
 def variants_of(study: Study) -> dict[str, Observations]:
     """Return the readings of a study's plan as it is and in other ways, by name."""
+    dwells = (1.0, 3.0, 10.0, 30.0, 60.0)  # as long as a laboratory waits at each place (judgement)
     later = 30.0  # days: a silicone that goes on curing has changed (judgement)
     return {
         "the same plan again": planned_observations(study),
         "the same plan, read during unloading too": planned_observations(study, ways_up=(0.75, 0.5, 0.25)),
-        f"the same plan with dwells of {LONG_DWELL_S[-1]:g} s": planned_observations(study, LONG_DWELL_S),
+        f"the same plan with dwells of {dwells[-1]:g} s": planned_observations(study, dwells),
         f"the same plan now and in {later:g} days": planned_observations(study, ages_days=(0.0, later)),
     }
 

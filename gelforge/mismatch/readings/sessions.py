@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
+from gelforge.config.parts.effects import PressTiming
 from gelforge.indentation.paths.places import visited
 from gelforge.indentation.planning.tolerance import tolerance_of_stage_mm
 from gelforge.indentation.sensor.stage_frame import axes_of_stage
@@ -19,7 +20,8 @@ from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, PLACE_DIGIT
 from gelforge.recording.readings import AXES, FORCE, Recording, read_recording
 from gelforge.recording.tables.checks import before_shear
 
-SPEED_MM_PER_S = 1.0  # assumed where an indentation has one moving row only
+# Assumed where an indentation has one moving row only.
+SPEED_MM_PER_S = PressTiming.model_fields["speed_mm_per_s"].default
 
 
 def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]:
