@@ -88,7 +88,7 @@ def chosen_gain(r, labels, covariance, candidates, blocks):
     t = blocks.train
     part = [replace(candidate, columns=candidate.columns[t]) for candidate in candidates]
     best = screened(r[t], covariance.restricted(t), part)[0]
-    name, shape = best.name, best.shape
+    name, shape = best.name, best.parts[0].shape
     columns = next(c.columns for c in candidates if (c.name, c.shape) == (name, shape))
     change = columns @ best.amounts
     after = predictive_scores(r - change, covariance, blocks, labels, columns, best.covariance)

@@ -191,7 +191,7 @@ def test_shapes_are_averaged_and_the_best_is_kept(world):
     r = 0.6 * bumps[4].columns[:, 0] + draws_of(covariance, rng, 1)[:, 0]
     judged = screened(r, covariance, bumps, scales=AS_STATED)[0]
     single = [screened(r, covariance, [bump], scales=AS_STATED)[0].log_bayes_factor for bump in bumps]
-    assert judged.shape == bumps[int(np.argmax(single))].shape == bumps[4].shape
+    assert judged.parts[0].shape == bumps[int(np.argmax(single))].shape == bumps[4].shape
     assert judged.log_bayes_factor == pytest.approx(np.log(np.mean(np.exp(np.array(single)))))
     assert judged.best_log_bayes_factor == pytest.approx(max(single))
 

@@ -59,11 +59,6 @@ class Screened:
         return frozenset(part.name for part in self.parts)
 
     @property
-    def shape(self) -> Shape:
-        """Return the best shape of the last part."""
-        return self.parts[-1].shape
-
-    @property
     def terms(self) -> list[Term]:
         """Return each part with its values."""
         return terms_of(self.parts, self.amounts)

@@ -23,8 +23,7 @@ class Linear:
     """Candidates against a residual, whitened."""
 
     candidates: Sequence[Candidate]
-    columns: np.ndarray  # (n, P) whitened, in units of plausible values; a switch's are whole
-    owner: np.ndarray  # (P,) number of the candidate
+    owner: np.ndarray  # (P,) number of the candidate of each whitened column, in units of plausible values
     projected: np.ndarray  # (P,) columns' r
     gram: np.ndarray  # (P, P)
     signs: np.ndarray  # (P,) 1, -1 or 0
@@ -43,7 +42,6 @@ class Linear:
         signs = np.concatenate([np.broadcast_to(c.signs, w.shape[1]) for c, w in zip(candidates, white)])
         return cls(
             candidates,
-            columns,
             owner,
             columns.T @ covariance.whiten(residual),
             columns.T @ columns,

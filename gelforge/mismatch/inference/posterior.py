@@ -157,21 +157,14 @@ def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
         progress.advance(note="errors of their changes")
         evidence = {effects: one.log_bayes_factor for effects, one in sets.items()}
         lines = indistinguishable(problem.covariance, singles)
-        found = with_unknown(problem, Posterior(sets, singles, evidence, {}, len(singles), lines), kernels)
+        known = Posterior(sets, singles, evidence, {}, len(singles), lines)
+        unknown = {NOTHING: weighed_unknown(problem, kernels)}
+        for effects in known.ranked()[:BESIDE]:
+            unknown[effects] = weighed_unknown(problem, kernels, sets[effects])
+        for effects, found in unknown.items():
+            evidence[effects | {UNKNOWN}] = evidence.get(effects, 0.0) + found.log_bayes_factor
         progress.advance(note="a discrepancy beside them")
-    return found
-
-
-def with_unknown(problem: Problem, posterior: Posterior, kernels: Sequence[Kernel]) -> Posterior:
-    """Return the posterior with a discrepancy, alone and beside the best sets, by their linear changes."""
-    unknown = {NOTHING: weighed_unknown(problem, kernels)}
-    for effects in posterior.ranked()[:BESIDE]:
-        unknown[effects] = weighed_unknown(problem, kernels, posterior.sets[effects])
-    more = {
-        effects | {UNKNOWN}: posterior.evidence.get(effects, 0.0) + found.log_bayes_factor
-        for effects, found in unknown.items()
-    }
-    return replace(posterior, unknown=unknown, evidence={**posterior.evidence, **more})
+    return replace(known, unknown=unknown)
 
 
 class Best(NamedTuple):

@@ -26,7 +26,7 @@ from gelforge.mismatch.evidence.gaussian import NOTHING
 from gelforge.mismatch.evidence.identifiability import indistinguishable
 from gelforge.mismatch.evidence.problem import Problem, never_solved, secant
 from gelforge.mismatch.evidence.refit import Refitted
-from gelforge.mismatch.evidence.screen import Candidate, Screened, Term, judged_by
+from gelforge.mismatch.evidence.screen import Candidate, Screened, Term, judged_by, terms_of
 from gelforge.mismatch.inference.holdout import Blocks, after_penalty, proof_of
 from gelforge.mismatch.inference.judge import Answer, Judgement, groups_of
 from gelforge.mismatch.inference.linear import Linear
@@ -67,14 +67,15 @@ class Fitted:
         return np.column_stack([part.columns for part in self.judged.parts])
 
     @property
+    def prior_sd(self) -> np.ndarray:
+        """Return the standard deviations of the priors (p,) of all values."""
+        return np.concatenate([part.prior_sd for part in self.judged.parts])
+
+    @property
     def refitted(self) -> Refitted:
         """Return the same as a fit of the judge."""
-        j = self.judged
-        amounts = tuple(j.amounts[own] for own in slices(self.model))
-        prior_sd = np.concatenate([np.broadcast_to(part.prior_sd, part.columns.shape[1]) for part in j.parts])
-        return Refitted(
-            j.parts, amounts, self.columns, j.covariance, prior_sd, j.log_bayes_factor, converged=True
-        )
+        j, amounts = self.judged, tuple(a for _, a in self.judged.terms)
+        return Refitted(j.parts, amounts, self.columns, j.covariance, self.prior_sd, j.log_bayes_factor, True)
 
 
 def slices(model: Sequence[Change]) -> list[slice]:
@@ -159,10 +160,9 @@ def _through(fit: Fitted) -> Screened:
     judged, amounts = fit.judged, fit.judged.amounts
     if not amounts.any():
         return judged
-    prior_sd = np.concatenate([part.prior_sd for part in judged.parts])
-    columns = secant(fit.columns, judged.change - fit.columns @ amounts, amounts, prior_sd)
-    own = zip(judged.parts, slices(fit.model))
-    return replace(judged, parts=tuple(replace(part, columns=columns[:, rows]) for part, rows in own))
+    columns = secant(fit.columns, judged.change - fit.columns @ amounts, amounts, fit.prior_sd)
+    by_part = terms_of(judged.parts, columns.T)
+    return replace(judged, parts=tuple(replace(part, columns=own.T) for part, own in by_part))
 
 
 @dataclass(frozen=True)
