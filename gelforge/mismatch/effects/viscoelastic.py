@@ -56,9 +56,8 @@ def overstress(context: Context, stiffness: str, tau: float, steps: int = 6) -> 
         d = np.interp(np.arange(steps * len(rows) + 1) / steps, np.arange(len(t)), np.r_[0.0, depth[rows]])
         D = context.derivatives[stiffness].at(site[rows[0]], d)
         x = np.diff(fine) / tau
-        kept = np.where(
-            x > 1e-9, -np.expm1(-x) / np.where(x > 1e-9, x, 1.0), 1.0
-        )  # of an even rise, at its end
+        # of an even rise, at its end
+        kept = np.where(x > 1e-9, -np.expm1(-x) / np.where(x > 1e-9, x, 1.0), 1.0)
         end = t[1:, None] - fine[None, 1:]  # (rows, parts) since the end of each part
         fading = np.where(end >= 0, np.exp(-np.maximum(end, 0) / tau), 0.0)
         # Parts of no duration lie at the same time as the reading before them too; they belong to those after.

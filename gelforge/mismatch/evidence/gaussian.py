@@ -44,9 +44,8 @@ def evidences(
     B = gram + np.eye(b.shape[1])
     cov = np.linalg.inv(B)
     mean = (cov @ b[:, :, None])[:, :, 0]
-    far = (
-        -50.0
-    )  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
+    # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
+    far = -50.0
     found = 0.5 * (b * mean).sum(axis=1) - 0.5 * np.linalg.slogdet(B)[1]
     for i in np.flatnonzero(signs.any(axis=0)).tolist():
         signed = signs[:, i] != 0

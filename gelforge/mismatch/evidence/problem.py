@@ -49,9 +49,8 @@ class Problem:
     # By which a change that is solved errs, a share of it; 0: no change errs, by form neither
     change_error: float = 0.0
     boxes: Sequence[Candidate] = ()  # linear changes by the modulus of boxes of the body, for its map alone
-    modules: Sequence[
-        Any
-    ] = ()  # kernels.Module: physics with a free form, its changes of the entries of force
+    # kernels.Module: physics with a free form, its changes of the entries of force
+    modules: Sequence[Any] = ()
     # Forces (R, 3) [N] of effects that are not solved, on the base and a change (R, 3) of it; None: not known apart.
     read_with: ForcesWith | None = None
     flow: Any = None  # flow.FlowChannel where images are judged with the forces

@@ -16,9 +16,8 @@ from gelforge.mismatch.evidence.screen import Candidate, Screened, Term, displac
 from gelforge.mismatch.model.effect import ON_BOUND
 from gelforge.mismatch.thresholds import OBSERVABLE_SNR
 
-INSIDE = (
-    ON_BOUND / 2
-)  # of a bound's distance from zero that values keep from it, where it is not physical itself
+# Of a bound's distance from zero that values keep from it, where it is not physical itself.
+INSIDE = ON_BOUND / 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -188,10 +188,8 @@ def _why(presses: Sequence[Unsolved]) -> str:
 
 def _bounds(solver: Solver, sites: np.ndarray, presses: Sequence[Unsolved]) -> np.ndarray:
     """Return per site (S, 2) [mm] the depth that is solved at most, and that from which on no unloading is."""
-    bounds, study = (
-        np.full((len(sites), 2), np.inf),
-        forgetting(solver).study,
-    )  # whose mirror images are solved
+    study = forgetting(solver).study  # whose mirror images are solved
+    bounds = np.full((len(sites), 2), np.inf)
     for number, (x, y) in enumerate(sites):
         image, _ = image_of(study, PlannedCell("", float(x), float(y), (1.0,)))
         for one in presses:

@@ -30,9 +30,8 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
         return None
     width = CATALOGUE["force_hysteresis"].parameters[0].width
     openings, flat = _openings(context, width), context.observations.flat
-    directions = [
-        flat(np.where(np.arange(3)[:, None] == k, openings, 0.0)) for k in range(3)
-    ]  # by axis (n, q)
+    # by axis (n, q)
+    directions = [flat(np.where(np.arange(3)[:, None] == k, openings, 0.0)) for k in range(3)]
     # of the map: the largest force so far, and the share of it that still presses
     grids = np.meshgrid((0.25, 0.5, 1.0), (0.25, 0.5, 0.75), indexing="ij")
     peak, left = (grid.ravel() for grid in grids)

@@ -61,10 +61,8 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
     images = np.array([p.images for p in model.seen])[:, None, None]
     base = model.drawn.mean(axis=1)
     scatter = scatter_of(model.drawn, np.all(rows.shown, axis=0))
-    least_px, undrawn = (
-        0.005,
-        0.01,
-    )  # an 8-bit image holds no smaller mean motion; a share of the flow of a region
+    # an 8-bit image holds no smaller mean motion; of a region's flow what drawing leaves out (glare, distortion)
+    least_px, undrawn = 0.005, 0.01
     variance = noise**2 / images + scatter.own**2 + least_px**2
     variance = variance + (undrawn * _smoothed(base**2) ** 0.5) ** 2
     flow = labels.iloc[n:]

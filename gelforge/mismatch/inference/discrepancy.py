@@ -37,9 +37,8 @@ class Modelled:
     left: np.ndarray  # (n,) [N] measured less the prediction by the training readings
     rest: np.ndarray  # (n,) [N] measured less what is learnt from all readings, with the fitted effects
     held: HeldOut  # what was held out, over the fitted effects alone
-    fit: (
-        Refitted | None
-    )  # the fitted effects with their values next to this change, by all readings; None: alone
+    # the fitted effects with their values next to this change, by all readings; None: alone
+    fit: Refitted | None
     probability: float  # of its cause, by all readings
 
     @property

@@ -42,9 +42,8 @@ class Atoms:
     values: np.ndarray
 
 
-Profile = tuple[
-    Pattern, np.ndarray, str
-]  # its values (n,), and the axes along which it may be a force of its own
+# A pattern, its values (n,), and the axes along which it may be a force of its own.
+Profile = tuple[Pattern, np.ndarray, str]
 
 
 def dictionary(labels: pd.DataFrame, base: np.ndarray) -> Atoms:

@@ -84,9 +84,8 @@ def weights(study: Study, survivors: Sequence[NamedEffect], each_s: float = 20.0
 
     each_s: to put one on, read and take it off.
     """
-    force = np.array(
-        [-w * axis for axis in np.eye(3) for w in (0.5, 1.0, 2.0, 5.0)]
-    )  # N, a usual set (judgement)
+    # N, a usual set (judgement)
+    force = np.array([-w * axis for axis in np.eye(3) for w in (0.5, 1.0, 2.0, 5.0)])
     R = len(force)
     at = [("weights", f"w{k}", k, 0, "load", each_s * k, 1.0, 0.0, 0.0, 1.0, 1.0) for k in range(R)]
     table = pd.DataFrame(at, columns=COLUMNS[:11]).reindex(columns=COLUMNS)

@@ -206,9 +206,8 @@ def _where(mismatch: ResidualTests) -> list[form.Where]:
         strongest.setdefault(finding.kind, finding)
     found: list[form.Where] = []
     for finding in [*strongest.values()][:3]:
-        region = (
-            finding.region if finding.region.get("radius_mm", 0.0) <= 5.0 else {}
-        )  # wider ones have no place
+        # wider ones have no place
+        region = finding.region if finding.region.get("radius_mm", 0.0) <= 5.0 else {}
         axis = f"force {region['axis']}" if "axis" in region else "force"
         said = {"channel": axis, "p": None if found else mismatch.scan.p, "snr": finding.snr, **region}
         known = {key: value for key, value in said.items() if key in form.Where.model_fields}
