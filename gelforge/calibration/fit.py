@@ -254,7 +254,7 @@ def _about(
                 form_error=FORM_ERROR,
             )
         )
-    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
+    covariance = readings_covariance(base.context, base.law, base.floor, base.solution)
     problem = Problem(
         base.context.observations,
         base.context.force,

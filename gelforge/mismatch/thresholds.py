@@ -48,7 +48,8 @@ MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too 
 # (tests/mismatch/test_identifiability.py).
 DETECTED_SNR = 4.0
 OBSERVABLE_SNR = 0.5  # of a plausible value; below it the expected log evidence is at most SNR^2 / 2 = 1/8
-ALIKE = 0.95  # correlation of sensitivities from which effects share a line: 0.31 of their change distinguishes them
+# Correlation of sensitivities from which effects share a line: 0.31 of their change distinguishes them.
+INDISTINGUISHABLE = 0.95
 DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
 
 SAME_READINGS_SNR = (

@@ -133,7 +133,7 @@ def problem_of_case(
         return found if replaced else found + base.context.force - own.context.force
 
     floor = base.floor if case.column is None else CURVE_ERROR * base.context.force
-    covariance = readings_covariance(base.context, base.law, floor, base.alike)
+    covariance = readings_covariance(base.context, base.law, floor, base.solution)
     problem = Problem(
         observations, base.context.force, covariance, candidates, effects, forces, failed,
         solver.study.mismatch.change_error, [one for one in changes_of(base.context) if one.name == BOX.name],

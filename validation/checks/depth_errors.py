@@ -57,7 +57,7 @@ def stating(problem: Problem, context: Context, base, press_mm: float, session_m
     """Return the problem with these standard deviations of the depth in its covariance."""
     seen, R = problem.observations, len(problem.observations.force)
     seen = replace(seen, press_depth_mm=np.full(R, press_mm), session_depth_mm=np.full(R, session_mm))
-    covariance = readings_covariance(replace(context, observations=seen), base.law, base.floor, base.alike)
+    covariance = readings_covariance(replace(context, observations=seen), base.law, base.floor, base.solution)
     return replace(problem, observations=seen, covariance=covariance)
 
 

@@ -106,7 +106,8 @@ class Covariance:
     def erring(self, directions: np.ndarray) -> Covariance:
         """Return C with errors along directions (n, q) of a standard deviation each, as a mesh errs.
 
-        Half of their variance is common to all, half is drawn for each group of the level before the last: readings alike.
+        Half of their variance is common to all, half is drawn for each group of the level before the last: readings of one
+        solution.
         """
         finer = self.levels[:-2]
         wider = [
@@ -120,8 +121,8 @@ class Covariance:
     def erring_draws(self, directions: np.ndarray) -> tuple[Draws, Draws]:
         """Return the draws that `erring` adds, (n, q) each."""
         half = directions / np.sqrt(2)
-        alike, common = self.levels[-2:]
-        return Draws(alike.group, half), Draws(common.group, half)
+        solved, common = self.levels[-2:]
+        return Draws(solved.group, half), Draws(common.group, half)
 
     def scattering(self, variance: np.ndarray) -> Covariance:
         """Return C with a further variance (n,) of what errs at each entry on its own."""
@@ -196,7 +197,7 @@ def _spread(group: np.ndarray, directions: np.ndarray) -> sp.csr_array:
 
 
 def readings_covariance(
-    context: Context, law: np.ndarray, floor_N: np.ndarray, alike: np.ndarray | None = None
+    context: Context, law: np.ndarray, floor_N: np.ndarray, solution: np.ndarray | None = None
 ) -> Covariance:
     """Return the covariance of the n entries that were read, without any effect.
 
@@ -204,8 +205,8 @@ def readings_covariance(
     its drift since, one draw per axis each; the depth, one draw along the slope of the base. Per session: its contact point,
     one draw along that slope; the zero's trend, one draw per axis. Shared by all: law (R, 3, q) [N], one standard
     deviation of the base for each uncertain direction of the material fit. Of the base's discretisation, of standard
-    deviation floor_N (R, 3), half of the variance is common to all and half is drawn for readings alike (R,), those of
-    one indentation and its mirror images (none given: of one site).
+    deviation floor_N (R, 3), half of the variance is common to all and half is drawn for readings of one solution (R,): of
+    an indentation and its mirror images (none given: of one site).
     """
     observations = context.observations
     labels, flat = observations.labels(), observations.flat
@@ -222,10 +223,10 @@ def readings_covariance(
     trend = per_axis * flat(observations.trend_N)[:, None]
     of_sessions = np.column_stack([shared, *(trend[:, [k]] * session for k in range(3))])
     common = np.column_stack([flat(law), floor, of_sessions[:, of_sessions.any(axis=0)]])
-    alike = labels["site"] if alike is None else np.asarray(alike)[reading]
+    solved = labels["site"] if solution is None else np.asarray(solution)[reading]
     levels = [
         Draws(_numbered(labels["press"]), press),
-        Draws(_numbered(alike), floor),
+        Draws(_numbered(solved), floor),
         Draws(np.zeros(len(labels), dtype=int), common),
     ]
     rounding = flat(observations.rounding_N)

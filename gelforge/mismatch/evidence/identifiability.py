@@ -12,7 +12,7 @@ from scipy.spatial.distance import squareform
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.result.verdict import Experiment
-from gelforge.mismatch.thresholds import ALIKE, DETECTED_SNR
+from gelforge.mismatch.thresholds import DETECTED_SNR, INDISTINGUISHABLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Plan:
 
 
 def indistinguishable(covariance: Covariance, singles: Mapping[str, Screened]) -> dict[str, frozenset[str]]:
-    """Return the line of each effect: effects whose sensitivities correlate by ALIKE or more, all with each other.
+    """Return the line of each effect: effects whose sensitivities cannot be distinguished, all of each other.
 
     Of effects with one parameter readings play no part: a plan knows their lines before any of them. The covariance holds
     the nuisance parameters. Lines are clusters of complete linkage.
@@ -57,7 +57,9 @@ def indistinguishable(covariance: Covariance, singles: Mapping[str, Screened]) -
         covariance.whiten(np.column_stack(changes)), [covariance.whiten(own) for own in columns]
     )
     line = fcluster(
-        linkage(squareform(1 - correlation, checks=False), "complete"), 1 - ALIKE, criterion="distance"
+        linkage(squareform(1 - correlation, checks=False), "complete"),
+        1 - INDISTINGUISHABLE,
+        criterion="distance",
     )
     return {name: frozenset(np.array(names)[line == own].tolist()) for name, own in zip(names, line)}
 

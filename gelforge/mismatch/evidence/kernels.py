@@ -66,9 +66,9 @@ class Kernel:
         """Return the covariance of n entries with this kernel at a scale of its plausible size."""
         if self.groups is None:
             return covariance.extended(scale * self.directions)
-        *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
-        group = np.where(self.groups < 0, self.groups.max() + 1 + alike.group, self.groups)
-        return replace(covariance, levels=(*finer, Draws(group, scale * self.directions), alike, common))
+        *finer, solved, common = covariance.levels  # presses lie in the groups of the last two
+        group = np.where(self.groups < 0, self.groups.max() + 1 + solved.group, self.groups)
+        return replace(covariance, levels=(*finer, Draws(group, scale * self.directions), solved, common))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

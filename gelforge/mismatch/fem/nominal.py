@@ -246,7 +246,7 @@ def problem_of(
     stage("forces of the simulation, and how they follow the effects")
     base = with_known(base_where_solved(solver, observations, asked), solver)
     observations = base.context.observations
-    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
+    covariance = readings_covariance(base.context, base.law, base.floor, base.solution)
     if recorded:
         read = observations.read
         observations = without_spikes(observations, base.context.force, covariance)

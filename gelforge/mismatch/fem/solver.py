@@ -59,7 +59,9 @@ class Base:
     finer: np.ndarray  # (R, 1) by which changes on the coarser mesh are multiplied
     law: np.ndarray  # (R, 3, q) [N] per standard deviation of each uncertain direction of the laws
     floor: np.ndarray  # (R, 3) [N] discretisation error, one standard deviation
-    alike: np.ndarray  # (R,) number of the indentation that was solved for each: mirror images err alike
+    solution: (
+        np.ndarray
+    )  # (R,) number of the indentation that was solved for each: mirror images share its error
     failed: Mapping[str, str]  # derivatives that could not be had, and why
     # (3, 3) by which a change of the force on the sensor is read: none, unless the force sensor's errors are known
     sensor: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -104,8 +106,8 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     sideways = SIDEWAYS if solver.study.mismatch.discretisation is None else 0.0  # that is known of all axes
     by_site = zip(curves.values, companion)
     bars = Curves(depths, tuple(base_bars(own, other, sideways) for own, other in by_site))
-    alike = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
-    return Base(context, ways, coarse, loading, finer, stacked, blank.on_readings(bars), alike, failed)
+    solution = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
+    return Base(context, ways, coarse, loading, finer, stacked, blank.on_readings(bars), solution, failed)
 
 
 def _companion_curves(

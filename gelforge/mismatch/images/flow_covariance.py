@@ -42,9 +42,9 @@ class Scatter:
     the flow in all images; what is left differs from site to site, and there is one indentation at each.
     """
 
-    alike: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
-    beside: float  # correlation of these shares between neighbours, taken for that of what is left too
-    own: np.ndarray  # (F, m, 2) [px] what is left
+    shared: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
+    correlation: float  # correlation of these shares between neighbours, taken for that of what is left too
+    rest: np.ndarray  # (F, m, 2) [px] what is left
 
 
 def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.DataFrame) -> Covariance:
@@ -56,19 +56,19 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
     directions, the discretisation, at which heights the particles are that are seen, and two other looks of the particles.
     """
     forces = problem.covariance
-    *depth, press, alike, common = forces.levels
+    *depth, press, solved, common = forces.levels
     n, noise = rows.entries, np.stack([p.noise for p in model.seen])
     images = np.array([p.images for p in model.seen])[:, None, None]
     base = model.drawn.mean(axis=1)
     scatter = scatter_of(model.drawn, np.all(rows.shown, axis=0))
     # an 8-bit image holds no smaller mean motion; of a region's flow what drawing leaves out (glare, distortion)
     least_px, undrawn = 0.005, 0.01
-    variance = noise**2 / images + scatter.own**2 + least_px**2
+    variance = noise**2 / images + scatter.rest**2 + least_px**2
     variance = variance + (undrawn * _smoothed(base**2) ** 0.5) ** 2
     flow = labels.iloc[n:]
     f = len(flow)
     seen_at = flow.groupby(["site", "axis"]).ngroup().to_numpy()
-    root = neighbours(scatter.beside)[flow["region"].to_numpy(int)]
+    root = neighbours(scatter.correlation)[flow["region"].to_numpy(int)]
     placed = root * rows.flat(noise)[:, None]
     seen, reading = rows.observations, flow["reading"].to_numpy()
     depths = seen.press_depth_mm[reading], seen.session_depth_mm[reading]
@@ -76,9 +76,9 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
     laws = np.zeros((f, common.directions.shape[1]))
     for k, key in enumerate(sorted_laws(model)):
         laws[:, k] = rows.flat(model.change_along(key))
-    first = model.base.law.shape[-1] + alike.directions.shape[1]  # columns of laws and floor come first
+    first = model.base.law.shape[-1] + solved.directions.shape[1]  # columns of laws and floor come first
     laws[:, first : first + by_session.shape[1]] = by_session
-    regions = root * rows.flat(scatter.alike)[:, None]
+    regions = root * rows.flat(scatter.shared)[:, None]
     flow_alone = np.column_stack([*(rows.flat(change) for change in _doubts(model)), regions])
     shared = [[common.directions, np.zeros((n, flow_alone.shape[1]))], [laws, flow_alone]]
 
@@ -98,7 +98,7 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
         both(press.group, np.zeros((n, placed.shape[1])), apart, placed),
         both(press.group, press.directions, joined("press", press.group), by_press),
         # errors of changes are drawn for its site
-        both(alike.group, alike.directions, joined("site", alike.group)),
+        both(solved.group, solved.directions, joined("site", solved.group)),
         Draws(np.zeros(len(labels), dtype=int), np.block(shared)),
     )
     variances = np.concatenate([forces.variance, rows.flat(variance)])
@@ -117,13 +117,13 @@ def scatter_of(drawn: np.ndarray, shown: np.ndarray) -> Scatter:
     freedom = (1 + 1 / K) / (K - 1)  # K placements about their mean, and the real one
     spread = np.sqrt(freedom * np.sum(share**2 * size) / max(np.sum(size), np.finfo(float).tiny))
     return Scatter(
-        alike=spread * base[:, 0],
-        beside=_beside(share, np.where(shown, np.sqrt(size[0]), 0.0)),
-        own=np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1))),
+        shared=spread * base[:, 0],
+        correlation=_correlation(share, np.where(shown, np.sqrt(size[0]), 0.0)),
+        rest=np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1))),
     )
 
 
-def _beside(share: np.ndarray, moves: np.ndarray) -> float:
+def _correlation(share: np.ndarray, moves: np.ndarray) -> float:
     """Return the correlation of shares (K, m) between neighbours, 0 or more, weighted by how much both move (m,)."""
     grid, weight = share.reshape(-1, REGIONS, REGIONS), np.sqrt(moves.reshape(REGIONS, REGIONS))
     down, across = weight[1:] * weight[:-1], weight[:, 1:] * weight[:, :-1]
@@ -136,10 +136,10 @@ def _beside(share: np.ndarray, moves: np.ndarray) -> float:
     return float(np.clip(one @ other / size, 0.0, 1.0)) if size > 0 else 0.0
 
 
-def neighbours(beside: float) -> np.ndarray:
+def neighbours(correlation: float) -> np.ndarray:
     """Return a root (m, m) of the regions' correlation, which falls by a factor from each to the next along u and v."""
     away = np.abs(np.subtract.outer(np.arange(REGIONS), np.arange(REGIONS)))
-    root = np.linalg.cholesky(np.clip(beside, 0.0, 0.9) ** away)
+    root = np.linalg.cholesky(np.clip(correlation, 0.0, 0.9) ** away)
     return np.kron(root, root)
 
 
@@ -159,7 +159,7 @@ def _smoothed(square: np.ndarray) -> np.ndarray:
 def contact_points(
     problem: Problem, flow: pd.DataFrame, depths: tuple[np.ndarray, np.ndarray], slope: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return directions of the flow: (f, q) of an indentation, by its depth the last, and (f, S) by sessions' contact points.
+    """Return directions of the flow: (f, q) of an indentation's depth, in the last, and (f, S) of sessions' contact points.
 
     flow: labels of the f entries; depths: standard deviations (f,) [mm] of indentation and session; slope (f,) [px/mm]. The
     draws are those of the forces (readings_covariance).

@@ -75,10 +75,10 @@ class Linear:
         for kind in np.unique(kinds, axis=0):
             rows = np.flatnonzero((kinds == kind).all(axis=1))
             for part in np.array_split(rows, max(1, len(rows) // 20_000)):
-                found[part] = self._alike(sets[part], scales[part])
+                found[part] = self._of_one_kind(sets[part], scales[part])
         return found
 
-    def _alike(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    def _of_one_kind(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Return the same of sets whose candidates have, place by place, as many columns."""
         on = self.binary[sets[0]]
         free = [self._columns_of(sets[:, k]) for k in np.flatnonzero(~on)]

@@ -14,11 +14,11 @@ from gelforge.mismatch.material.material_readings import (
     FORCE_CLASS,
     Change,
     Readings,
-    alike,
     binned,
     means,
     misfit_covariance,
     reduced,
+    same,
 )
 from gelforge.mismatch.model.effect import Parameter
 
@@ -62,7 +62,7 @@ def press_readings(press: IndentationTest) -> Readings:
     slope = 1.5 * k * np.sqrt(np.maximum(table["at"].to_numpy(), 0.0))
     misfit = float(np.sqrt(np.mean((y - base)[table["is_base"] & (base > 0)] ** 2)))
     zero = 0.01 * push  # an optical lever's zero moves by as much between ways
-    C = np.diag(noise**2) + zero**2 * alike(table["segment"])
+    C = np.diag(noise**2) + zero**2 * same(table["segment"])
     C += misfit_covariance(share, misfit) + (CONTACT * deepest) ** 2 * np.outer(slope, slope)
     said = [text for text in press.findings if "bending" in text]
     said += ["no time is recorded: relaxation cannot be distinguished from the order of rows"] * (not timed)
@@ -161,9 +161,9 @@ def pair_readings(pair: ForcePair) -> Readings:
     table = table.assign(sample=pair.sample, test="force_pair", is_base=False)
     count = np.array([len(g) for g in groups])
     noise = np.hypot(np.hypot(row_noise(one), row_noise(two)) / np.sqrt(count), FORCE_CLASS * largest)
-    C = np.diag(noise**2) + (FORCE_CLASS * largest) ** 2 * alike(table["part"])
+    C = np.diag(noise**2) + (FORCE_CLASS * largest) ** 2 * same(table["part"])
     # what comes with the load at a place and is no gain: friction at the fixture, a force that bypasses a load cell
-    C += (0.05 * largest) ** 2 * alike(table["place"])
+    C += (0.05 * largest) ** 2 * same(table["place"])
     per_row = means(groups, np.gradient(one))  # [N] from one reading to the next
     # load cells that are not read at one instant: either value may be up to a reading old, now more and now less
     C += 0.5**2 * (np.diag(per_row**2) + np.outer(per_row, per_row))

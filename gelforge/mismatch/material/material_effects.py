@@ -190,14 +190,14 @@ def _choices(
     """
     k, unit = len(times), np.eye(len(times) + len(flows))
     decades = unit[:, :k].sum(axis=1)
-    alike: Shape = {"spectrum": "all decades alike", "from_s": float(times[0]), "to_s": float(times[-1])}
+    even: Shape = {"spectrum": "all decades alike", "from_s": float(times[0]), "to_s": float(times[-1])}
     yield from (((ONE,), unit[:, [i]], {"time_s": float(t)}) for i, t in enumerate(times))
-    yield (DECADE,), decades[:, None], alike
+    yield (DECADE,), decades[:, None], even
     each = tuple(Parameter(f"share_{t:.3g}s", "1", 0.2, (0.0, 5.0), PER_DECADE) for t in times)
     yield each, unit[:, :k], {"spectrum": "free"}
     for i, shape in enumerate(flows, start=k):
         yield (FLOW,), unit[:, [i]], shape
-        yield (FLOW, DECADE), np.column_stack([unit[:, i], decades]), {**shape, **alike}
+        yield (FLOW, DECADE), np.column_stack([unit[:, i], decades]), {**shape, **even}
 
 
 def relaxation_times(tests: StressTests) -> np.ndarray:
@@ -269,8 +269,8 @@ def dated(tests: StressTests) -> list[Change]:
     s = np.clip(tests.readings.table["share"].to_numpy(), 0.0, 1.0)
     bent = np.column_stack([np.ones_like(s), *(polynomial(s) for polynomial in LEGENDRE)])
     laws = {"size": (SIZE,), "size and shape": (SIZE, *SHAPE)}
-    for attribute, alike, unit in (("age_days", AGE.alike, "days"), ("dose", 0.0, "doses")):
-        x, span = _circumstance(tests, attribute, alike)
+    for attribute, negligible, unit in (("age_days", AGE.alike, "days"), ("dose", 0.0, "doses")):
+        x, span = _circumstance(tests, attribute, negligible)
         for what, law in laws.items() if span else ():
 
             def apply(P, a, x=x, law=law):
@@ -299,11 +299,11 @@ def factor(name: str, parameter: Parameter, share: np.ndarray, shape) -> Change:
     return Change(name, (parameter,), lambda P, a: P * (1 + share * a[0]), shape)
 
 
-def _circumstance(tests: StressTests, attribute: str, alike: float):
+def _circumstance(tests: StressTests, attribute: str, negligible: float):
     """Return the circumstance of each reading (n,), 0 at the base and 1 a span away, and the span; None if all alike."""
     values = [getattr(p.test, attribute) for p in tests.paths]
     known = [v for v in values if v is not None]
-    if not known or np.ptp(known) <= alike:
+    if not known or np.ptp(known) <= negligible:
         return np.zeros(0), None
     of_bases = [getattr(t, attribute) for t in tests.bases.values()]
     base = next((v for v in of_bases if v is not None), known[0])

@@ -140,7 +140,7 @@ class Readings:
         squares = pd.DataFrame({"off": off**2, "measured": self.measured**2}).groupby(sample).transform("sum")
         share = np.minimum(np.sqrt(squares["off"] / squares["measured"]), 1.0).to_numpy()
         d = 0.05 * np.hypot(off, share * self.measured)
-        return replace(self, fixed=self.fixed + np.outer(d, d) * near * alike(self.table["segment"]))
+        return replace(self, fixed=self.fixed + np.outer(d, d) * near * same(self.table["segment"]))
 
 
 def binned(x: np.ndarray, rows: np.ndarray, count: int, low: float | None = None) -> list[np.ndarray]:
@@ -170,7 +170,7 @@ def reduced(
     return table.assign(progress=(by_segment.cumcount() / last).to_numpy())
 
 
-def alike(column: pd.Series) -> np.ndarray:
+def same(column: pd.Series) -> np.ndarray:
     """Return 1 (n, n) where two rows have the same value, else 0."""
     codes = pd.factorize(column)[0]
     return (codes[:, None] == codes).astype(float)

@@ -196,9 +196,9 @@ def fastest_loading(tests: list[MaterialTest]) -> MaterialTest | None:
     loading = [t for t in tests if t.rate_per_s and t.cycle in (None, 1) and _loads(t)]
     loading = [t for t in loading if len(monotonic_loading([t])[0])]
     rates = [float(t.rate_per_s or 0.0) for t in loading]
-    alike = [t for t, rate in zip(loading, rates) if np.log10(max(rates) / rate) <= RATE.alike]
+    fast = [t for t, rate in zip(loading, rates) if np.log10(max(rates) / rate) <= RATE.alike]
     return min(
-        alike, key=lambda t: (t.dose or 0.0, t.age_days or 0.0, -_reach(t), t.sample), default=None
+        fast, key=lambda t: (t.dose or 0.0, t.age_days or 0.0, -_reach(t), t.sample), default=None
     )  # fmt: skip
 
 

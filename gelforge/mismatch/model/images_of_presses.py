@@ -76,8 +76,8 @@ def numbers_at_image(shapes: Sequence[Shape], symmetry: str, width: float) -> li
     found = []
     for number, (shape, place) in enumerate(zip(rest, there)):
         if np.isfinite(place).all():
-            alike = np.array([other == shape for other in rest])
-            number = int(np.argmin(np.where(alike, np.abs(own - place).max(axis=1), np.inf)))
+            same = np.array([other == shape for other in rest])
+            number = int(np.argmin(np.where(same, np.abs(own - place).max(axis=1), np.inf)))
         found.append(number)
     return found
 
