@@ -114,9 +114,9 @@ class Covariance:
             Draws(level.group, np.column_stack([level.directions, more.directions]))
             for level, more in zip(self.levels[-2:], self.erring_draws(directions))
         ]
-        found = replace(self, levels=(*finer, *wider))
-        object.__setattr__(found, "taken", tuple(self._finer_steps))
-        return found
+        wider_covariance = replace(self, levels=(*finer, *wider))
+        object.__setattr__(wider_covariance, "taken", tuple(self._finer_steps))
+        return wider_covariance
 
     def erring_draws(self, directions: np.ndarray) -> tuple[Draws, Draws]:
         """Return the draws that `erring` adds, (n, q) each."""
@@ -147,10 +147,10 @@ class Covariance:
 
     def _further(self, steps: Sequence[_Step], levels: Sequence[Draws]) -> list[_Step]:
         """Return the steps by these levels, the first of which are known."""
-        found = list(steps)
-        for level in levels[len(found) :]:
-            found.append(_step(level.group, self._through(level.directions, found)))
-        return found
+        known = list(steps)
+        for level in levels[len(known) :]:
+            known.append(_step(level.group, self._through(level.directions, known)))
+        return known
 
     def _through(self, v: np.ndarray, steps: Sequence[_Step]) -> np.ndarray:
         x = v / (self._sd if v.ndim == 1 else self._sd[:, None])

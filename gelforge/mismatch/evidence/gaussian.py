@@ -46,7 +46,7 @@ def evidences(
     mean = (cov @ b[:, :, None])[:, :, 0]
     # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
     far = -50.0
-    found = 0.5 * (b * mean).sum(axis=1) - 0.5 * np.linalg.slogdet(B)[1]
+    log_evidence = 0.5 * (b * mean).sum(axis=1) - 0.5 * np.linalg.slogdet(B)[1]
     for i in np.flatnonzero(signs.any(axis=0)).tolist():
         signed = signs[:, i] != 0
         sd = np.sqrt(cov[:, i, i])
@@ -57,12 +57,12 @@ def evidences(
         left = 1 - ratio * (near + ratio)  # of the variance
         ratio = np.where(h > far, ratio, -h - 1 / np.minimum(h, far))
         left = np.where(h > far, left, 1 / np.minimum(h, far) ** 2)
-        found += np.where(signed, share + np.log(2), 0.0)
+        log_evidence += np.where(signed, share + np.log(2), 0.0)
         gain = cov[:, :, i] / cov[:, i, i][:, None]
         mean = mean + np.where(signed, ratio * sd * signs[:, i], 0.0)[:, None] * gain
         less = np.where(signed, (1 - left) * cov[:, i, i], 0.0)
         cov = cov - less[:, None, None] * gain[:, :, None] * gain[:, None, :]
-    return found, mean, cov
+    return log_evidence, mean, cov
 
 
 def log_prior(effects: int, known: int) -> float:

@@ -86,15 +86,15 @@ def detection_limits(
 
     That is the value whose change has an SNR of DETECTED_SNR; infinite where the readings do not change.
     """
-    found: dict[tuple[str, int], tuple[float, Candidate, int, float]] = {}
+    limits: dict[tuple[str, int], tuple[float, Candidate, int, float]] = {}
     for candidate in candidates:
         norms = np.linalg.norm(covariance.whiten(candidate.columns), axis=0)
         for k, norm in enumerate(norms):
             amount = float(DETECTED_SNR / norm) if norm > 0 else np.inf
             share = amount / (1.0 if candidate.binary else float(candidate.prior_sd[k]))
-            if (key := (candidate.name, k)) not in found or share < found[key][0]:
-                found[key] = share, candidate, k, amount
-    return [(candidate, k, amount) for _, candidate, k, amount in found.values()]
+            if (key := (candidate.name, k)) not in limits or share < limits[key][0]:
+                limits[key] = share, candidate, k, amount
+    return [(candidate, k, amount) for _, candidate, k, amount in limits.values()]
 
 
 def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
@@ -119,7 +119,7 @@ def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
 
 def next_experiment(plans: Sequence[Plan], first: Screened, second: Screened) -> list[Experiment]:
     """Return the plans, the one to make first: the cheapest that is expected to decide, else the most informative one."""
-    separates, found = [first.name, second.name], []
+    separates, ranked = [first.name, second.name], []
     for plan in plans:
         odds = expected_log_odds(plan, first, second)
         one = Experiment(
@@ -129,8 +129,8 @@ def next_experiment(plans: Sequence[Plan], first: Screened, second: Screened) ->
             cost_s=60 * plan.cost,
             expected_log_odds=odds,
         )
-        found.append(((not one.decides, plan.cost if one.decides else -odds, -odds), one))
-    return [one for _, one in sorted(found, key=lambda both: both[0])]
+        ranked.append(((not one.decides, plan.cost if one.decides else -odds, -odds), one))
+    return [one for _, one in sorted(ranked, key=lambda both: both[0])]
 
 
 def _divergence(m: np.ndarray, S: np.ndarray, m0: np.ndarray, S0: np.ndarray) -> float:

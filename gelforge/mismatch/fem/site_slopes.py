@@ -56,21 +56,21 @@ def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
     variations = {key: one for key, (one, _) in asked.items()}
     study, laws = solver.coarse, dict(solver.laws)
     try:
-        base, found = each_derivative(study, laws, planned, variations)
+        base, derivatives = each_derivative(study, laws, planned, variations)
     except NotConverged:
         reached = simulate_cell(study, laws, planned).attributes["last_good_depth_mm"]
         planned = replace(planned, depths_mm=tuple(d for d in depths if d <= reached))
         if not planned.depths_mm:
             return SiteSlopes(planned, {}, NOTHING, {}, time.perf_counter() - clock)
-        base, found = each_derivative(study, laws, planned, variations)
-    return SiteSlopes(planned, asked, base, found, time.perf_counter() - clock)
+        base, derivatives = each_derivative(study, laws, planned, variations)
+    return SiteSlopes(planned, asked, base, derivatives, time.perf_counter() - clock)
 
 
 def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation, dict]]:
     """Return what is differentiated along at a place by name, each with its effect, parameter, unit and shape."""
     blank = Context.before_readings(solver.study)  # all that there could be
     effects = required(solver.study, effects_of_forces(solver.study).values())
-    found: dict[str, tuple[Variation, dict]] = {}
+    variations: dict[str, tuple[Variation, dict]] = {}
     known = []
     for zero_by in ZERO_BY:
         for one in asked_of(replace(solver, zero_by=zero_by), effects, blank, planned):
@@ -80,13 +80,16 @@ def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation,
             known.append(variation.inputs)
             parameter = one.effect.parameters[one.which]
             words = {"effect": one.effect.name, "parameter": parameter.name, "unit": parameter.unit}
-            found[key if key not in found else f"{key} by {zero_by}"] = (
+            variations[key if key not in variations else f"{key} by {zero_by}"] = (
                 variation,
                 words | {"shape": dict(one.shape), "depth_zero_by": zero_by},
             )
     for key, variation in along_laws(solver, solver.coarse).items():
-        found[key] = variation, {"effect": "", "parameter": key, "unit": "standard deviation", "shape": {}}
-    return found
+        variations[key] = (
+            variation,
+            {"effect": "", "parameter": key, "unit": "standard deviation", "shape": {}},
+        )
+    return variations
 
 
 def write_site_slopes(path: Path, solver: Solver, site: SiteSlopes) -> None:

@@ -125,10 +125,10 @@ def _companion_curves(
         return None
     study = solver.study.model_copy(update={"mismatch": settings.model_copy(update={"coarser": COARSER})})
     try:
-        found = _followed(replace(solver, study=study, uncertain={}), ways)
+        companions = _followed(replace(solver, study=study, uncertain={}), ways)
     except SolverFailed:
         return None
-    return [one["base"] for one in found]
+    return [one["base"] for one in companions]
 
 
 def _solved_once(solver: Solver, ways: Sequence[PlannedCell]) -> np.ndarray:
@@ -178,12 +178,12 @@ def _followed(
 
 def _with_unloading(runs: Runs, by_way: Sequence[dict]) -> np.ndarray:
     """Return the forces of loadings (`_followed`) at the readings (R, 3), unloading as it was solved, where it was."""
-    found = runs.loading([one["base"] for one in by_way])
+    at_readings = runs.loading([one["base"] for one in by_way])
     for number, (way, run) in enumerate(runs.unloadings):
         if (forces := by_way[way].get(unloading_key(run))) is not None:
             rows = runs.unloading == number
-            found[rows] = forces[runs.back[rows]]
-    return found
+            at_readings[rows] = forces[runs.back[rows]]
+    return at_readings
 
 
 def _base(found: list) -> list:
@@ -341,10 +341,10 @@ def _coarse_forces(solver: Solver, study: Study, observations: Observations, unl
     paths = timed_runs_of(observations, history.timing.step_mm, history.softens)
     if history.softens:
         return paths.at_readings(_solved([in_time((own, paths.trajectories))])[0])
-    found, symmetries = solved_for_all(
+    solved, symmetries = solved_for_all(
         study, paths.trajectories, lambda distinct: _solved(own.each(in_time, [(own, [p]) for p in distinct]))
     )
-    return paths.at_readings([carried(total, symmetry) for (total,), symmetry in zip(found, symmetries)])
+    return paths.at_readings([carried(total, symmetry) for (total,), symmetry in zip(solved, symmetries)])
 
 
 def _solved(found: list) -> list:

@@ -50,8 +50,8 @@ class Stored:
             return {}
         knots = np.concatenate([[0.0], self.depths_mm])
         values = np.stack([np.vstack([np.zeros(3), self.slopes[name]]) for name in held], axis=1)
-        found = PchipInterpolator(knots, values, axis=0)(np.clip(depths, 0.0, knots[-1]))
-        return dict(zip(held, np.moveaxis(found, 1, 0)))
+        values_at = PchipInterpolator(knots, values, axis=0)(np.clip(depths, 0.0, knots[-1]))
+        return dict(zip(held, np.moveaxis(values_at, 1, 0)))
 
 
 def place_digest(study, laws: Mapping[str, PrincipalLaw], x_mm: float, y_mm: float) -> str:

@@ -67,11 +67,11 @@ def _openings(context: Context, width: float) -> np.ndarray:
 
 def _of_map(peak: np.ndarray, left: np.ndarray, width: float) -> np.ndarray:
     """Return the openings (G, q), shares of the largest force of all, where a share `left` of the peak (G,) is left."""
-    force, found = left * peak, []
+    force, openings = left * peak, []
     for half in (width * band for band in BANDS):
-        found.append(np.minimum(force + half, peak - half) - np.maximum(force - half, 0.0))
-    found += [width * peak**a * (1 - left) ** b for a in OF_PEAK for b in OF_RETURN]
-    return np.column_stack(found) / np.sqrt(COUNT)
+        openings.append(np.minimum(force + half, peak - half) - np.maximum(force - half, 0.0))
+    openings += [width * peak**a * (1 - left) ** b for a in OF_PEAK for b in OF_RETURN]
+    return np.column_stack(openings) / np.sqrt(COUNT)
 
 
 FREE_FORM = FreeForm("force_hysteresis", module)

@@ -165,7 +165,7 @@ def _candidates(
     failed: dict[str, str],
 ) -> list[Candidate]:
     """Return the candidates with what they change of the flow; one whose flow is not known is left out and reported."""
-    found = []
+    candidates = []
     for candidate in problem.candidates:
         effect = effects[candidate.name]
         shapes = [dict(shape) for shape in effect.shapes(model.base.context)]
@@ -174,7 +174,7 @@ def _candidates(
         except FlowUnknown as missing:
             failed.setdefault(str(missing), "its flow in the images could not be computed")
             continue
-        found.append(replace(candidate, columns=np.concatenate([candidate.columns, rows.flat(change)])))
+        candidates.append(replace(candidate, columns=np.concatenate([candidate.columns, rows.flat(change)])))
     for name, effect in effects.items():
         if effect.to_camera is None:
             continue
@@ -185,8 +185,8 @@ def _candidates(
             continue
         if np.any(change):
             columns = np.concatenate([np.zeros((rows.entries, change.shape[1])), change])
-            found.append(Candidate(name, {}, columns, effect.prior_sd, effect.signs, effect.binary))
-    return found
+            candidates.append(Candidate(name, {}, columns, effect.prior_sd, effect.signs, effect.binary))
+    return candidates
 
 
 def _forces_with(channel: FlowChannel, rows: Rows, effects: Mapping[str, Effect]) -> ForcesWith:
@@ -226,10 +226,10 @@ def _forces_with(channel: FlowChannel, rows: Rows, effects: Mapping[str, Effect]
     def forces_with(terms: Sequence[Term], readings: np.ndarray) -> np.ndarray:
         R = len(forces.base)
         moving = [term for term in terms if effects[term[0].name].to_camera is None]
-        found = forces.forces_with(moving, readings[:R])
+        force = forces.forces_with(moving, readings[:R])
         flow = np.full((len(readings) - R, 3), np.nan)
         if readings[R:].any():
             flow = rows.as_readings(channel.base + change_of(terms))
-        return np.where(readings[:, None], np.concatenate([found, flow]), np.nan)
+        return np.where(readings[:, None], np.concatenate([force, flow]), np.nan)
 
     return forces_with

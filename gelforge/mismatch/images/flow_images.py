@@ -139,8 +139,8 @@ def mean_motion_slope(
     for step in size * np.eye(3):
         there, back = (eye.pixels(points + moved + sign * step) for sign in (1, -1))
         slopes.append((there - back) / (2 * size))
-    found = [[(weights.T @ (part * along[:, k, None])).T for along in slopes] for k in range(2)]
-    return np.moveaxis(np.array(found), (0, 1, 2, 3), (1, 3, 0, 2))
+    by_node = [[(weights.T @ (part * along[:, k, None])).T for along in slopes] for k in range(2)]
+    return np.moveaxis(np.array(by_node), (0, 1, 2, 3), (1, 3, 0, 2))
 
 
 def _parts_of_regions(eye: CameraView, pixels: np.ndarray, weight: np.ndarray | float = 1.0) -> np.ndarray:
@@ -251,11 +251,11 @@ def _with_common_noise(seen: list[FlowObservation]) -> list[FlowObservation]:
     noise = np.sqrt(np.mean([press.noise**2 for press in seen], axis=0))
     greys = pd.Series([press.eye.imaging.noise_grey for press in seen])
     grey = np.sqrt((greys**2).groupby([press.row["session"] for press in seen]).transform("mean"))
-    found = []
+    observed = []
     for press, noise_grey in zip(seen, grey):
         imaging = press.eye.imaging.model_copy(update={"noise_grey": float(noise_grey)})
-        found.append(replace(press, noise=noise, eye=replace(press.eye, imaging=imaging)))
-    return found
+        observed.append(replace(press, noise=noise, eye=replace(press.eye, imaging=imaging)))
+    return observed
 
 
 def _measured(one: Pictured) -> FlowObservation:
@@ -300,11 +300,11 @@ class Scene:
         one another.
         """
         fields = self.particles.each(moved)
-        found = []
+        differences = []
         for k, (search, points, field_of) in enumerate(zip(self.searches, self.particles.placed, fields)):
             drawn = region_means(search(self._picture(points + field_of, k, 1)))
-            found.append(drawn - flow_of_warp(search, self.untouched[k], field, self.eye.imaging, k))
-        return np.stack(found)
+            differences.append(drawn - flow_of_warp(search, self.untouched[k], field, self.eye.imaging, k))
+        return np.stack(differences)
 
     def _picture(self, centres: np.ndarray, drawing: int, which: int) -> np.ndarray:
         """Return the image of particles with the noise of that drawing, the same for every motion."""

@@ -61,22 +61,22 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
     fits: dict[Effects, Refitted] = {}
     failed: dict[Effects, str] = {}
     left = {True: MOST_SOLVED, False: MOST_FREE}
-    while (wanted := _next(found := _with_fits(posterior, first, fits, failed), fits, failed)) is not None:
-        wanted = _largest_first(problem, found, wanted, {*fits, *failed})
-        costs = any(map(problem.solves, found.sets[wanted].parts))
+    while (wanted := _next(current := _with_fits(posterior, first, fits, failed), fits, failed)) is not None:
+        wanted = _largest_first(problem, current, wanted, {*fits, *failed})
+        costs = any(map(problem.solves, current.sets[wanted].parts))
         if not left[costs]:
             break
         left[costs] -= 1
         stage(f"fit of {words_of(wanted)}")
         try:
-            fits[wanted], again = through_solutions(problem, relinearised, found.sets[wanted])
+            fits[wanted], again = through_solutions(problem, relinearised, current.sets[wanted])
         except (NotConverged, ConfigError) as failure:
             failed[wanted] = f"could not be solved: {failure}"
             continue
         if again is not relinearised:
             relinearised, posterior = again, posterior_of(again)
     notes = tuple(f"{words_of(effects)} {why}" for effects, why in failed.items())
-    return Fits(relinearised, found, fits, notes)
+    return Fits(relinearised, current, fits, notes)
 
 
 def _largest_first(

@@ -88,7 +88,7 @@ def predictive_scores(
         white = part.whiten(V[entries])
         return white.T @ white, part.log_det
 
-    found: dict[str, np.ndarray] = {}
+    scores: dict[str, np.ndarray] = {}
     known, sums = blocks.train, np.zeros(2)
     trained, of_trained = products(known)
     for name, entries in blocks.held.items():
@@ -98,8 +98,8 @@ def predictive_scores(
             G = G - trained
             score = _log_score(G[:-1, :-1], log_det - of_trained, int((known & ~blocks.train).sum()))
             total = np.array([score, G[-1, -1] + _variance_of_spread(G[1:-1, 1:-1])])
-            found[name], sums = total - sums, total
-    return found
+            scores[name], sums = total - sums, total
+    return scores
 
 
 def gain(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
@@ -114,17 +114,17 @@ def gain(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
 def held_out_of(problem: Problem, blocks: Blocks, before: Prediction, after: Prediction) -> list[HeldOut]:
     """Return how two predictions meet what was held out: all of it, then block by block. Errors are those of the forces."""
     scores = predictive_scores(before, blocks, before.left - after.left), predictive_scores(after, blocks)
-    found = []
+    held = []
     for name, mask in {"all": blocks.held_out, **blocks.held}.items():
         if not mask.any():
             continue
         own = [np.sum([*one.values()], axis=0) if name == "all" else one[name] for one in scores]
         total, error = gain(*own)
         errors = (score(problem.labels, one.left, mask & problem.of_force) for one in (before, after))
-        found.append(
+        held.append(
             HeldOut(block=name, before=next(errors), after=next(errors), gain=total, standard_error=error)
         )
-    return found
+    return held
 
 
 def selection_penalty_of(trained: np.ndarray, by_all: np.ndarray) -> float:
@@ -210,9 +210,9 @@ def _evidence(problem: Problem, sets: Sequence[Screened], mask: np.ndarray) -> n
 def folds_of(problem: Problem, fit: Refitted, left: np.ndarray) -> list[HeldOut]:
     """Return, where sites are few, how the answer fitted to the others predicts each of them."""
     sites = np.sort(problem.observations.table["site"].unique())
-    found = []
+    folds = []
     for turn, site in enumerate(sites if 1 < len(sites) < FEW_SITES else (), start=1):
         x, y = problem.observations.sites[site]
         proof = proof_of(problem, fit, left, split(problem.labels, 0, turn))
-        found.append(proof.held[0].model_copy(update={"block": f"site ({x:g}, {y:g}) mm"}))
-    return found
+        folds.append(proof.held[0].model_copy(update={"block": f"site ({x:g}, {y:g}) mm"}))
+    return folds

@@ -83,13 +83,13 @@ def explained(
     if relinearised is not problem:
         problem, posterior = relinearised, posterior_of(relinearised, kernels)
     real = at_few_sites(problem)
-    found = fitted(real, posterior, lambda relinearised: posterior_of(relinearised, kernels))
-    notes, mode = [*found.notes, *([note] if note else [])], found.mode
+    fits = fitted(real, posterior, lambda relinearised: posterior_of(relinearised, kernels))
+    notes, mode = [*fits.notes, *([note] if note else [])], fits.mode
     if mode is None:
         return None, before, notes
-    problem, posterior = found.problem, found.posterior
+    problem, posterior = fits.problem, fits.posterior
     stage("amounts of the answer at their plausible widths")
-    fit, note = _at_prior_sd(real, problem, posterior.sets[mode], found.fits[mode])
+    fit, note = _at_prior_sd(real, problem, posterior.sets[mode], fits.fits[mode])
     notes += [note] if note else []
     after = forces_of(problem, fit)
     left = problem.observations.flat(problem.observations.force - after)
@@ -101,7 +101,7 @@ def explained(
     return (
         Answer(
             fit=averaged(posterior, mode, fit),
-            refits=found.fits,
+            refits=fits.fits,
             groups=groups_of(problem, posterior, fit),
             after=after,
             adequacy=residual_tests(uncertain, left, settings.draws, rng, fit.columns),

@@ -70,13 +70,13 @@ class Linear:
 
     def log_bayes_factors(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Return the log evidence (m,) against none of sets (m, k) of candidates at scales (m, k), 1 for switches."""
-        found = np.empty(len(sets))
+        factors = np.empty(len(sets))
         kinds = np.stack([self.count[sets], self.binary[sets]], axis=-1).reshape(len(sets), -1)
         for kind in np.unique(kinds, axis=0):
             rows = np.flatnonzero((kinds == kind).all(axis=1))
             for part in np.array_split(rows, max(1, len(rows) // 20_000)):
-                found[part] = self._of_one_kind(sets[part], scales[part])
-        return found
+                factors[part] = self._of_one_kind(sets[part], scales[part])
+        return factors
 
     def _of_one_kind(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Return the same of sets whose candidates have, place by place, as many columns."""

@@ -51,14 +51,14 @@ def dictionary(labels: pd.DataFrame, base: np.ndarray) -> Atoms:
 
     Each pattern comes relative to the base, and as a force (or flow) of its own.
     """
-    found, channel = [], labels["channel"] if "channel" in labels else np.full(len(labels), "force")
+    atoms, channel = [], labels["channel"] if "channel" in labels else np.full(len(labels), "force")
     for name, rows in labels.groupby(np.asarray(channel), sort=False).indices.items():
         for pattern, values in _atoms(labels.iloc[rows].reset_index(drop=True), base[rows]):
             if np.any(values):
                 column = np.zeros(len(labels))
                 column[rows] = values
-                found.append((pattern if name == "force" else _of_flow(pattern), column))
-    patterns, columns = zip(*found)
+                atoms.append((pattern if name == "force" else _of_flow(pattern), column))
+    patterns, columns = zip(*atoms)
     return Atoms(patterns, np.column_stack(columns))
 
 
@@ -180,9 +180,9 @@ def _histories(labels: pd.DataFrame) -> Iterator[Profile]:
 
 
 def _placed(here: np.ndarray, values: np.ndarray) -> np.ndarray:
-    found = np.zeros(len(here))
-    found[here] = values
-    return found
+    everywhere = np.zeros(len(here))
+    everywhere[here] = values
+    return everywhere
 
 
 def _between_0_and_1(values: np.ndarray) -> np.ndarray:

@@ -60,12 +60,12 @@ def global_test(residual: np.ndarray, covariance: Covariance, fitted: np.ndarray
     if fitted is not None:
         Q = _basis(covariance.whiten(fitted))
         white, degrees = white - Q @ (Q.T @ white), degrees - Q.shape[1]
-    found = float(white @ white)
+    square = float(white @ white)
     mean, variance = float(degrees), 2.0 * degrees
     if covariance.estimated is not None:
         mean, variance = _law_of_sum(covariance.estimated, degrees)
-    p = chi2_distribution.sf(2 * mean * found / variance, 2 * mean**2 / variance)
-    return GlobalTest(found, degrees, float(p))
+    p = chi2_distribution.sf(2 * mean * square / variance, 2 * mean**2 / variance)
+    return GlobalTest(square, degrees, float(p))
 
 
 def _law_of_sum(estimated: Estimated, degrees: int) -> tuple[float, float]:
@@ -165,8 +165,8 @@ def residual_tests(
     if atoms is None:
         atoms = dictionary(problem.labels, problem.observations.flat(problem.base))
     white = whitened(atoms, covariance, fitted)
-    found = scan(covariance.whiten(residual), white, rng, draws, covariance.estimated)
-    return ResidualTests(global_test(residual, covariance, fitted), found)
+    scanned = scan(covariance.whiten(residual), white, rng, draws, covariance.estimated)
+    return ResidualTests(global_test(residual, covariance, fitted), scanned)
 
 
 def without_spikes(observations: Observations, base: np.ndarray, covariance: Covariance) -> Observations:
@@ -175,8 +175,8 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
     base (R, 3) [N]; covariance of the n entries. What strikes several readings of one indentation the judge must explain:
     that press keeps them. So do all where more than MOST are far off.
     """
-    found = spikes(Problem(observations, base, covariance, (), {}, never_solved, {}))
-    labels = observations.labels().iloc[list(found)].assign(away=found.values())
+    away = spikes(Problem(observations, base, covariance, (), {}, never_solved, {}))
+    labels = observations.labels().iloc[list(away)].assign(away=away.values())
     labels = labels[labels.groupby("press")["reading"].transform("nunique") == 1]
     if labels.empty or len(labels) > max(1, MOST * len(covariance)):
         return observations
@@ -206,8 +206,8 @@ def spikes(problem: Problem) -> dict[int, float]:
     """
     covariance, residual = _with_room(problem), problem.residual
     left = np.arange(len(residual))
-    found: dict[int, float] = {}
-    while len(found) <= max(1, MOST * len(residual)):
+    distance: dict[int, float] = {}
+    while len(distance) <= max(1, MOST * len(residual)):
         part = covariance.restricted(left)
         white = part.whiten(residual[left])
         tried = np.argsort(-np.abs(white))[:200]
@@ -218,9 +218,9 @@ def spikes(problem: Problem) -> dict[int, float]:
         farthest = np.argmax(np.abs(away))
         if abs(away[farthest]) <= SPIKE:
             break
-        found[int(left[tried[farthest]])] = float(away[farthest])
+        distance[int(left[tried[farthest]])] = float(away[farthest])
         left = np.delete(left, tried[farthest])
-    return found
+    return distance
 
 
 def _with_room(problem: Problem) -> Covariance:

@@ -252,9 +252,9 @@ def _energy(path: Path) -> np.ndarray:
     """Return the base law's strain energy (m,) [MPa] at each row."""
     order = np.argsort(path.strain, kind="stable")
     e, P = np.r_[0.0, path.strain[order]], np.r_[0.0, path.stress[order]]
-    found = np.empty_like(path.strain)
-    found[order] = np.maximum(np.cumsum(np.diff(e) * (P[1:] + P[:-1]) / 2), 0.0)
-    return found
+    energy = np.empty_like(path.strain)
+    energy[order] = np.maximum(np.cumsum(np.diff(e) * (P[1:] + P[:-1]) / 2), 0.0)
+    return energy
 
 
 def dated(tests: StressTests) -> list[Change]:
@@ -265,7 +265,7 @@ def dated(tests: StressTests) -> list[Change]:
     x: share of the span; s: share of the base's range of strain; L: Legendre's polynomials; P_0: the base law. A network
     that age cuts and links anew, or a foam whose cells give in, has another law and not the old one times a factor.
     """
-    base, found = tests.readings.base, []
+    base, changes = tests.readings.base, []
     s = np.clip(tests.readings.table["share"].to_numpy(), 0.0, 1.0)
     bent = np.column_stack([np.ones_like(s), *(polynomial(s) for polynomial in LEGENDRE)])
     laws = {"size": (SIZE,), "size and shape": (SIZE, *SHAPE)}
@@ -280,8 +280,8 @@ def dated(tests: StressTests) -> list[Change]:
 
             of = f"{what} of the constitutive model and relaxation"
             shape = {"from": span[0], "to": span[1], "per": unit, "of": of}
-            found.append(Change("ageing", (*law, LOSS), apply, shape))
-    return found
+            changes.append(Change("ageing", (*law, LOSS), apply, shape))
+    return changes
 
 
 def temperature(tests: StressTests) -> list[Change]:

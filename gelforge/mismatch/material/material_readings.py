@@ -209,23 +209,23 @@ def held_pieces(table: pd.DataFrame, rng: np.random.Generator) -> pd.Series:
 
 def patterns(readings: Readings) -> Atoms:
     """Return where readings may differ: kinds of branch, bands of strain, tests, branches of a test; a share of the base."""
-    table, found = readings.table, []
+    table, regions = readings.table, []
     share, branch, sample = table["share"], table["branch"], table["sample"]
     for kind, word in BRANCHES.items():
         own = branch == kind
-        found.append((f"all {word}", "phase", own & ~table["is_base"]))
+        regions.append((f"all {word}", "phase", own & ~table["is_base"]))
         for low, high in ((0.0, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 1.1)):
             words = f"{word} between {low:.0%} and {min(high, 1):.0%} of the range of strain"
-            found.append((words, "depth", own & share.between(low, high)))
-        found.append((f"second halves of {word}", "time", own & (table["progress"] > 0.5)))
+            regions.append((words, "depth", own & share.between(low, high)))
+        regions.append((f"second halves of {word}", "time", own & (table["progress"] > 0.5)))
     for name in pd.unique(sample):
-        found.append((f"specimen {name}", "session", sample == name))
+        regions.append((f"specimen {name}", "session", sample == name))
         for kind, word in BRANCHES.items():
-            found.append((f"{word} of {name}", "phase", (sample == name) & (branch == kind)))
+            regions.append((f"{word} of {name}", "phase", (sample == name) & (branch == kind)))
     for place in pd.unique(table["place"]) if "place" in table else ():
-        found.append((f"place {place}", "position", table["place"] == place))
+        regions.append((f"place {place}", "position", table["place"] == place))
     atoms = [
-        (Pattern(name, kind), rows.to_numpy() * readings.base) for name, kind, rows in found if rows.any()
+        (Pattern(name, kind), rows.to_numpy() * readings.base) for name, kind, rows in regions if rows.any()
     ]
     unloading = (branch == "unload").to_numpy()
     if unloading.any():  # where the base is zero its share is nothing

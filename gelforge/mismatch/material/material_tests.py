@@ -244,17 +244,17 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
         state = "consistent" if any(limit.seen for limit in limits_of(problem)) else "inconclusive"
     elif mode and posterior.probability[NOTHING] < 0.5:
         stage(f"{name}: the most probable effects at their plausible values, and what they leave")
-        found = fitted(erring.readings, [problem.change_of(change) for change in fits[mode].model])
-        fit, left, proof = found.refitted, readings.measured - found.prediction, None
+        fit_of_mode = fitted(erring.readings, [problem.change_of(change) for change in fits[mode].model])
+        fit, left, proof = fit_of_mode.refitted, readings.measured - fit_of_mode.prediction, None
         if out.any():
             proof = after_penalty(proof_of(erring, fit, left, blocks), erring, posterior, blocks.train)
-        nonzero = found.columns[:, found.judged.amounts != 0]
-        uncertain = replace(problem, covariance=found.covariance)
+        nonzero = fit_of_mode.columns[:, fit_of_mode.judged.amounts != 0]
+        uncertain = replace(problem, covariance=fit_of_mode.covariance)
         answer = Answer(
             fit=fit,
             refits={effects: one.refitted for effects, one in fits.items()} | {mode: fit},
             groups=groups_of(problem, posterior, fit),
-            after=_along_z(found.prediction, len(left)),
+            after=_along_z(fit_of_mode.prediction, len(left)),
             adequacy=residual_tests(uncertain, left, DRAWS, rng, nonzero, atoms),
             proof=proof,
             folds=(),
@@ -275,7 +275,7 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
 
 def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judged], list[str]]:
     """Return the verdicts on a material: one on its stress tests, one per indentation and pair; and what was not judged."""
-    found, reasons, name = [], [], source.name
+    verdicts, reasons, name = [], [], source.name
     tests = list(source.tests)
     tried = [(name, "stress tests", name, lambda: of_stress(stress_tests(tests)))] if tests else []
     for press in source.small.presses:
@@ -303,20 +303,20 @@ def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judge
         verdict = verdict_of(problem, judgement, against, source.synthetic, None, provenance)
         law_N = [None, None, float(np.sqrt(np.mean(readings.law**2)))]
         noise = verdict.noise.model_copy(update={"law_N": law_N})
-        found.append(Judged(title, verdict.model_copy(update={"noise": noise}), table))
-    return found, reasons
+        verdicts.append(Judged(title, verdict.model_copy(update={"noise": noise}), table))
+    return verdicts, reasons
 
 
 def judge_sources(materials: Sequence[MaterialSource], seed: int = SEED) -> tuple[list[Judged], list[str]]:
     """Return all verdicts, and what was not judged; raises TableError where there is nothing to judge."""
-    found, reasons = [], []
+    verdicts, reasons = [], []
     for material in materials:
         judged, said = judge_material(material, seed)
-        found += judged
+        verdicts += judged
         reasons += said
-    if not found:
+    if not verdicts:
         raise TableError(f"no test can be judged: {'; '.join(reasons)}")
-    return found, reasons
+    return verdicts, reasons
 
 
 def write_judged(folder: Path, judged: Judged) -> None:

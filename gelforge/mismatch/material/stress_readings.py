@@ -272,11 +272,11 @@ def _scatter(tests: list[MaterialTest]) -> float:
     usual, repeats = SAMPLES
     groups = [g for g in alike_groups([t for t in tests if _loads(t)]) if len(g) > 1]
     try:
-        found = scatter_between(groups)
+        between = scatter_between(groups)
     except ValueError:
         return usual
-    squares = found.freedom * found.deviation**2 + repeats * usual**2
-    return float(np.sqrt(squares / (found.freedom + repeats)))
+    squares = between.freedom * between.deviation**2 + repeats * usual**2
+    return float(np.sqrt(squares / (between.freedom + repeats)))
 
 
 def _readings(paths: list[Path], laws, bases, scatter: float, said: tuple[str, ...], words: str) -> Readings:

@@ -30,8 +30,8 @@ class Curves:
     def at(self, site: int, depth: np.ndarray, slope: bool = False) -> np.ndarray:
         """Return the quantity (..., 3) at depths [mm], 0 above the surface, or its slope per mm."""
         depth = np.asarray(depth, dtype=float)
-        found = self._curve(site, slope)(np.maximum(depth, 0.0))
-        return np.where((depth > 0)[..., None], found, 0.0)
+        values = self._curve(site, slope)(np.maximum(depth, 0.0))
+        return np.where((depth > 0)[..., None], values, 0.0)
 
     def _curve(self, site: int, slope: bool) -> PPoly:
         """Return the polynomials of a site, built once: that takes ten times as long as reading them."""
@@ -88,10 +88,10 @@ class Context:
     def on_readings(self, curves: Curves, slope: bool = False) -> np.ndarray:
         """Return curves (R, 3) at the site and depth of each reading."""
         table = self.observations.table
-        found = np.zeros((len(table), 3))
+        values = np.zeros((len(table), 3))
         for site, rows in table.groupby("site").indices.items():
-            found[rows] = curves.at(site, table["depth_mm"].to_numpy()[rows], slope)
-        return found
+            values[rows] = curves.at(site, table["depth_mm"].to_numpy()[rows], slope)
+        return values
 
 
 Shape = Mapping[str, float | str]  # what is scanned: a place (refits move it between those), a time constant

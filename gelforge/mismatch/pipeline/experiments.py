@@ -33,7 +33,7 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
     Both are known without a solve; `gelforge mismatch plan` weighs others. Those that are expected to decide come first.
     """
     effects = {effect.name: effect for effect in verdict.effects}
-    found = []
+    experiments = []
     for names in rivals(verdict):
         if of_camera(names):
             continue
@@ -41,9 +41,9 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
         plans = [again(problem, context, pair), weights(context.study, pair)]
         best = next_experiment(plans, *map(survivor, pair))[0]
         if best.decides:
-            found.append(best)
-    found.sort(key=lambda experiment: (experiment.cost_s, -(experiment.expected_log_odds or 0.0)))
-    return verdict.model_copy(update={"next_experiments": [*found, *verdict.next_experiments]})
+            experiments.append(best)
+    experiments.sort(key=lambda experiment: (experiment.cost_s, -(experiment.expected_log_odds or 0.0)))
+    return verdict.model_copy(update={"next_experiments": [*experiments, *verdict.next_experiments]})
 
 
 def rivals(verdict: Verdict) -> list[tuple[str, str]]:
@@ -156,7 +156,7 @@ def planned_observations(
     press_depth, session_depth = depth_scatter(DepthZero(), study.mismatch.contact_point_scatter_mm)
     noise = np.broadcast_to(sigma, (R, 3)).copy()
     sites = np.array([[cell.x_mm, cell.y_mm] for cell in cells])
-    found = Observations(
+    observations = Observations(
         table,
         np.zeros((R, 3)),
         sites,
@@ -166,7 +166,7 @@ def planned_observations(
         np.full(R, CONTACT_POINT_MM if np.isnan(session_depth) else session_depth),
         came_along=np.concatenate([last_moves(own) for _, own in table.groupby("session", sort=False)]),
     )
-    return spread(found, study)
+    return spread(observations, study)
 
 
 def planned_problem(solver: Solver) -> Problem:

@@ -53,15 +53,15 @@ def reading_noise(
                 f"{session.session}: F{AXES[k]} bends during dwells by more than zero readings scatter, {usual[k]:.2g} N: "
                 "the noise is taken from the zero readings alone, and is too small if it grows with the force"
             )
-    found = zero + dwell
-    if found.freedom >= LEAST_FREEDOM:
-        scatter = found.scatter
+    repeats = zero + dwell
+    if repeats.freedom >= LEAST_FREEDOM:
+        scatter = repeats.scatter
         rounding = np.where(scatter < step / 2, step / np.sqrt(12), 0.0)
-        tails = _tails(found.fourths, found.expected, scatter, rounding == 0)
+        tails = _tails(repeats.fourths, repeats.expected, scatter, rounding == 0)
         least = 0.1 * np.maximum(step, stated)  # where all repeats were rounded to one number
-        return np.maximum(scatter, least), rounding, (float(found.freedom), tails), said
+        return np.maximum(scatter, least), rounding, (float(repeats.freedom), tails), said
     reported = (
-        f"{session.session}: {found.freedom:.3g} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
+        f"{session.session}: {repeats.freedom:.3g} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
         + (
             "the stated repeatability is used"
             if stated.any()
@@ -121,7 +121,7 @@ def repeats_of(readings: pd.DataFrame, phase: str, fitted: int) -> Repeats:
     """Return the repeats of a phase about a polynomial in time of so many coefficients per indentation."""
     own = readings[readings["phase"] == phase]
     times, forces = own["time_s"].to_numpy(), own[FORCE].to_numpy()
-    found = Repeats.none()
+    repeats = Repeats.none()
     for rows in own.groupby("press", sort=False).indices.values():
         if len(rows) <= fitted:
             continue
@@ -130,8 +130,8 @@ def repeats_of(readings: pd.DataFrame, phase: str, fitted: int) -> Repeats:
         residual_of = np.eye(len(time)) - curve @ np.linalg.pinv(curve)
         left = residual_of @ forces[rows]
         expected = np.array([np.sum((residual_of**2).sum(axis=1) ** 2), np.sum(residual_of**4)])
-        found += Repeats((left**2).sum(axis=0), (left**4).sum(axis=0), expected, len(time) - fitted)
-    return found
+        repeats += Repeats((left**2).sum(axis=0), (left**4).sum(axis=0), expected, len(time) - fitted)
+    return repeats
 
 
 def _tails(fourths: np.ndarray, expected: np.ndarray, scatter: np.ndarray, free: np.ndarray) -> float:
@@ -174,10 +174,10 @@ def zeros_together(recording: Recording) -> Zeros | None:
     force = force_on_sensor(rows[RAW].to_numpy(), recording.session.force)
     # 500 rows at once know a standard deviation to 4 %, and a root of their matrix is quick
     parts = np.array_split(np.arange(len(rows)), -(-len(rows) // 500))
-    found = [_block(time[part], force[part]) for part in parts]
-    repeats = sum((one.repeats for one in found), Repeats.none())
+    blocks = [_block(time[part], force[part]) for part in parts]
+    repeats = sum((one.repeats for one in blocks), Repeats.none())
     trend, wander = (
-        np.sqrt(np.mean([getattr(one, name) ** 2 for one in found], axis=0)) for name in ("trend", "wander")
+        np.sqrt(np.mean([getattr(one, name) ** 2 for one in blocks], axis=0)) for name in ("trend", "wander")
     )
     return Zeros(repeats, trend, wander)
 
@@ -234,10 +234,10 @@ def _likeliest(cost, m: np.ndarray) -> float:
     logs = np.linspace(np.log(m.min() * 1e-2), np.log(m.max() * 1e2), 30)
     best = logs[int(np.argmin([cost(np.exp(log)) for log in logs]))]
     width = logs[1] - logs[0]
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         lambda log: cost(np.exp(log)), bounds=(best - width, best + width), method="bounded"
     )
-    return float(np.exp(found.x)) if found.fun < cost(0.0) else 0.0
+    return float(np.exp(minimum.x)) if minimum.fun < cost(0.0) else 0.0
 
 
 def depth_scatter(zero: DepthZero, instead_mm: float | None = None) -> tuple[float, float]:

@@ -35,10 +35,10 @@ def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]
     if (folder / "session.yaml").is_file():
         return [folder]
     for inside in (folder / "recordings", folder):
-        found = sorted(path.parent for path in inside.glob("*/session.yaml"))
-        found = [path for path in found if not names or path.name in names]
-        if found:
-            return found
+        folders = sorted(path.parent for path in inside.glob("*/session.yaml"))
+        folders = [path for path in folders if not names or path.name in names]
+        if folders:
+            return folders
     raise ConfigError(
         f"{folder}: no session.yaml in it, in {folder.name}/recordings/* or in {folder.name}/*; name a session's folder"
     )

@@ -53,7 +53,7 @@ def effect_entries(problem: Problem, judgement: Judgement) -> list[form.NamedEff
     answer, posterior = judgement.answer, judgement.posterior
     groups = () if answer is None else answer.groups
     leading = {group.members[0] for group in groups}
-    found = {
+    fits = {
         name: _of_set(judgement, frozenset({name})) or (one, one.log_bayes_factor)
         for name, one in posterior.singles.items()
     }
@@ -61,9 +61,9 @@ def effect_entries(problem: Problem, judgement: Judgement) -> list[form.NamedEff
         own = answer.fit.effects
         for group in groups:
             for name in group.names[1:]:
-                found[name] = _of_set(judgement, own - {group.members[0]} | {name}) or found[name]
-        found |= {part.name: (answer.fit, posterior.evidence[own]) for part in answer.fit.parts}
-    reported = [_effect(problem, name, *both, posterior.holding([name])) for name, both in found.items()]
+                fits[name] = _of_set(judgement, own - {group.members[0]} | {name}) or fits[name]
+        fits |= {part.name: (answer.fit, posterior.evidence[own]) for part in answer.fit.parts}
+    reported = [_effect(problem, name, *both, posterior.holding([name])) for name, both in fits.items()]
     return sorted(reported, key=lambda effect: (effect.name not in leading, -effect.probability))
 
 
@@ -204,27 +204,27 @@ def _where(mismatch: ResidualTests) -> list[form.Where]:
     strongest: dict = {}
     for finding in mismatch.scan.ranked:
         strongest.setdefault(finding.kind, finding)
-    found: list[form.Where] = []
+    places: list[form.Where] = []
     for finding in [*strongest.values()][:3]:
         # wider ones have no place
         region = finding.region if finding.region.get("radius_mm", 0.0) <= 5.0 else {}
         axis = f"force {region['axis']}" if "axis" in region else "force"
-        said = {"channel": axis, "p": None if found else mismatch.scan.p, "snr": finding.snr, **region}
+        said = {"channel": axis, "p": None if places else mismatch.scan.p, "snr": finding.snr, **region}
         known = {key: value for key, value in said.items() if key in form.Where.model_fields}
-        found.append(form.Where(words=finding.name, **known))
-    return found
+        places.append(form.Where(words=finding.name, **known))
+    return places
 
 
 def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
     """Return where the answer's defects lie in the sensor: balls in a layer, discs on the lower face of the skin."""
-    found, shape = [], _shape(sensor)
+    places, shape = [], _shape(sensor)
     for part in answer.fit.parts:
         if "z_mm" not in part.shape:
             continue
         x, y, z, radius = (float(part.shape[key]) for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
         half = 0.0 if part.name == "delamination" else radius
         layers = [] if shape is None else shape.layers
-        found.append(
+        places.append(
             form.Where(
                 words=f"{part.name.replace('_', ' ')} at ({x:.4g}, {y:.4g}) mm, {-z:.3g} mm below the surface",
                 x_mm=x,
@@ -234,7 +234,7 @@ def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
                 depth_mm=(max(-z - half, 0.0), -z + half),
             )
         )
-    return found
+    return places
 
 
 def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
@@ -255,10 +255,10 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
 
 def limits_of(problem: Problem) -> list[form.DetectionLimit]:
     """Return the smallest value of each effect that the readings would show."""
-    found = []
+    limits = []
     for part, k, amount in detection_limits(problem.covariance, problem.physics):
         parameter = problem.effect_of(part).parameters[k]
-        found.append(
+        limits.append(
             form.DetectionLimit(
                 effect=part.name,
                 parameter=parameter.name,
@@ -267,7 +267,7 @@ def limits_of(problem: Problem) -> list[form.DetectionLimit]:
                 plausible=parameter.width,
             )
         )
-    return found
+    return limits
 
 
 def _noise(problem: Problem) -> form.Noise:

@@ -60,11 +60,11 @@ def correction_table(problem: Problem, model: Modelled | None) -> pd.DataFrame |
     both = np.full((2, *forces.base.shape), np.nan)  # nan where an axis was not read
     both[:, forces.observations.read] = model.change[of_force], model.spread[of_force]
     force, (change, sigma) = forces.base[rows.index], both[:, rows.index]
-    found = rows[place].reset_index(drop=True)
+    corrections = rows[place].reset_index(drop=True)
     for k, axis in enumerate(AXES):
         for name, values in (("base", force), ("change", change), ("sigma", sigma)):
-            found[f"{name}_{axis}_N"] = values[:, k]
-    return found
+            corrections[f"{name}_{axis}_N"] = values[:, k]
+    return corrections
 
 
 def after_of(joint: Problem, judgement: Judgement) -> np.ndarray | None:
@@ -110,8 +110,8 @@ def flow_table(joint: Problem, after: np.ndarray | None) -> pd.DataFrame | None:
     middles = np.concatenate([region_middles(press.eye) for press in joint.flow.model.seen])
     table = rows.assign(middle_u_px=middles[shown, 0], middle_v_px=middles[shown, 1])
     nothing = np.full_like(joint.base, np.nan)
-    found = {"measured": observations.force, "base": joint.base, "after": nothing if after is None else after}
-    for name, values in found.items():
+    flows = {"measured": observations.force, "base": joint.base, "after": nothing if after is None else after}
+    for name, values in flows.items():
         table[f"{name}_u_px"], table[f"{name}_v_px"] = values[R:][shown, 0], values[R:][shown, 1]
     sigma = joint.covariance.standard_deviation[joint.flow.entries :].reshape(-1, 2)
     return table.assign(sigma_u_px=sigma[:, 0], sigma_v_px=sigma[:, 1]).reset_index(drop=True)
