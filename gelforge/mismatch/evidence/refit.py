@@ -112,7 +112,8 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
     factor, spread = _evidence(left, variables, J, at)
     against = -problem.covariance.restricted(mask).log_density(residual)
     against += start.log_bayes_factor - start.best_log_bayes_factor
-    return Refitted(*zip(*variables.terms(at)), J, spread, prior_sd, factor + against, converged)
+    parts, amounts = zip(*variables.terms(at))
+    return Refitted(parts, amounts, J, spread, prior_sd, factor + against, converged)
 
 
 def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Variables) -> np.ndarray:
