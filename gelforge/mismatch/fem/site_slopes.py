@@ -85,10 +85,8 @@ def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation,
                 words | {"shape": dict(one.shape), "depth_zero_by": zero_by},
             )
     for key, variation in along_laws(solver, solver.coarse).items():
-        variations[key] = (
-            variation,
-            {"effect": "", "parameter": key, "unit": "standard deviation", "shape": {}},
-        )
+        words = {"effect": "", "parameter": key, "unit": "standard deviation", "shape": {}}
+        variations[key] = variation, words
     return variations
 
 

@@ -59,9 +59,7 @@ class Base:
     finer: np.ndarray  # (R, 1) by which changes on the coarser mesh are multiplied
     law: np.ndarray  # (R, 3, q) [N] per standard deviation of each uncertain direction of the laws
     floor: np.ndarray  # (R, 3) [N] discretisation error, one standard deviation
-    solution: (
-        np.ndarray
-    )  # (R,) number of the indentation that was solved for each: mirror images share its error
+    solution: np.ndarray  # (R,) number of the indentation that was solved for each, whose error all share
     failed: Mapping[str, str]  # derivatives that could not be had, and why
     # (3, 3) by which a change of the force on the sensor is read: none, unless the force sensor's errors are known
     sensor: np.ndarray = field(default_factory=lambda: np.eye(3))
