@@ -107,7 +107,7 @@ def test_a_refit_moves_to_where_the_bubble_is(along, across):
     context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
     _, start, fit = fitted_alone(context)
     (found,) = fit.parts
-    assert fit.converged and found.tried == dict(start.shape)
+    assert fit.converged and found.tried == dict(start.parts[0].shape)
     assert away(found.shape, there) < 0.09 * spacing < away(found.tried, there)
     assert fit.amounts[0] == pytest.approx(1.0, rel=0.1)  # its form may be another by a quarter
     assert fit.log_bayes_factor > start.log_bayes_factor
