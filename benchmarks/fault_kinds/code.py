@@ -149,7 +149,7 @@ FAULTS = tuple(
          "tests/mismatch/test_zeros_together.py"),
         ("single readings", "gelforge/mismatch/inference/scan.py", "SPIKE = 5.0", "SPIKE = 50.0",
          "tests/mismatch/test_spikes.py -k set_aside"),
-        ("names of a verdict", "gelforge/mismatch/result/verdict.py", "SURE = 0.9", "SURE = 0.5",
+        ("names of a verdict", "gelforge/mismatch/thresholds.py", "SURE = 0.9", "SURE = 0.5",
          "tests/mismatch/test_judge.py -k not_sure"),
         ("synthetic data in a report", "gelforge/report/chapters/study_chapters.py",
          'label = "SYNTHETIC image" if session.synthetic else "Image"', 'label = "Image"',

@@ -14,7 +14,7 @@ from gelforge.mismatch.evidence.candidates import columns_of
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.problem import Problem, secant
 from gelforge.mismatch.evidence.refit import Refitted, refitted
-from gelforge.mismatch.evidence.screen import Candidate, Screened, judged_by
+from gelforge.mismatch.evidence.screen import Candidate, Screened, judged_by, terms_of
 from gelforge.mismatch.fem.nominal import base_where_solved, with_known
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import base_of
@@ -69,12 +69,12 @@ class Linear:
         """
         far = self._screened(self.problem, mask)
         errors = replace(self.problem, change_error=FORM_ERROR)
-        uncertain = errors.with_model_error(self.problem.candidates, far.amounts - self.at)
+        uncertain = errors.with_model_error(terms_of(self.problem.candidates, far.amounts - self.at))
         from_means = replace(
             uncertain,
             change_error=0.0,
             base=self.forces(np.zeros(len(self.at))),
-            forces_with=lambda parts, amounts, rows: self.forces(np.concatenate(amounts)),
+            forces_with=lambda terms, rows: self.forces(np.concatenate([a for _, a in terms])),
         )
         return refitted(from_means, self._screened(uncertain, mask), mask)
 
@@ -254,7 +254,7 @@ def _about(
                 form_error=FORM_ERROR,
             )
         )
-    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
+    covariance = readings_covariance(base.context, base.law, base.floor, base.solution)
     problem = Problem(
         base.context.observations,
         base.context.force,
@@ -262,7 +262,7 @@ def _about(
         parts,
         # as formulas: what a fit varies are these columns, and the solver is asked about the estimate it gives
         {effect.name: replace(effect, by_formula=True) for effect in effects},
-        lambda parts, amounts, rows: base.context.force,
+        lambda terms, rows: base.context.force,
         base.failed,
     )
     return Linear(at, problem, solver.study)

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from gelforge.calibration.fit import Fit
-from gelforge.mismatch.thresholds import ALIKE
+from gelforge.mismatch.thresholds import INDISTINGUISHABLE
 
 AT_PRIOR = 0.8  # of the prior's standard deviation: above it the presses have said little
 LEAST_P = 0.01  # of noise: below it the study leaves something out
@@ -41,7 +41,7 @@ def correlation(covariance: np.ndarray) -> np.ndarray:
 def inseparable(names: Sequence[str], correlations: np.ndarray) -> Iterator[str]:
     """Yield a sentence for each pair of parameters that the presses cannot tell apart."""
     for i, j in combinations(range(len(names)), 2):
-        if abs(correlations[i, j]) > ALIKE:
+        if abs(correlations[i, j]) > INDISTINGUISHABLE:
             remedy = REMEDIES.get(frozenset((kind_of(names[i]), kind_of(names[j]))), OTHERWISE)
             yield (
                 f"{names[i]} and {names[j]} cannot be distinguished by these presses"

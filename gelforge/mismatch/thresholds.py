@@ -29,10 +29,18 @@ SCATTERED = 0.1
 PLAUSIBLE = 0.1
 
 # --- Alarm and state
+# Of the global test, of the scan, of a discrepancy and of the known effects each: any is an alarm, so at most four in
+# a hundred recordings, or materials, of which nothing is missing give a false one.
+ALARM_P = 0.01
+SURE = 0.9  # probability of an effect, or of effects of one line, from which it is identified
+# Of what an answer leaves, each of its two tests. Below the first what is left is reported. Below the second nothing is
+# identified: right answers come below 0.01 in two of a hundred by chance alone, and effects outside the catalogue that come
+# below it do so by far (docs/mismatch-method.md).
+ADEQUATE_P, LEFT_P = 0.01, 0.002
 # Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm.
 # Chi-square and scan are exact: below LEFT_P either is an alarm by itself, in at most 4 of 1,000 recordings by chance.
-NOTHING_P = 0.1
-LIKELY = 0.5  # a discrepancy that is more probable than not leaves no answer
+NOTHING_P = round(1 - SURE, 12)  # that something is missing is then as probable as a claim has to be
+NEGLIGIBLE = 0.1  # probability below which no effect is solved, and no credible set is reported
 CREDIBLE = 0.95  # of an effect's probability, which its credible set holds: the usual one
 MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too few (judgement)
 # On recordings of 4 to 25 sites the largest of a scan's 75 to 230 correlated scores exceeds 3.5 to 3.7 by chance in 2.5 %,
@@ -40,10 +48,19 @@ MOST_EFFECTS = 8  # of the leading credible set; with more the readings are too 
 # (tests/mismatch/test_identifiability.py).
 DETECTED_SNR = 4.0
 OBSERVABLE_SNR = 0.5  # of a plausible value; below it the expected log evidence is at most SNR^2 / 2 = 1/8
-ALIKE = 0.95  # correlation of sensitivities from which effects share a line: 0.31 of their change distinguishes them
+# Correlation of sensitivities from which effects share a line: 0.31 of their change distinguishes them.
+INDISTINGUISHABLE = 0.95
 DECISIVE = float(np.log(10.0))  # log odds at which one of two effects is named
 
+SAME_READINGS_SNR = (
+    2.0  # of the difference of two predictions, below which these readings do not show which is true
+)
+
 # --- Held-out readings
+# A gain counts above so many standard errors, or where it makes what was held out as many times likelier. For an answer that
+# was fixed without it the second comes by chance once in as many at most (Markov's inequality), one of the two in 2.3 % at
+# most (normal noise).
+HELD_OUT_ERRORS, HELD_OUT_ODDS = 2.0, 100.0
 HELD_OUT = 0.25  # of the sites and of the depths (judgement)
 FEW_SITES = round(1 / HELD_OUT)  # below which a quarter of the sites is none
 
@@ -53,7 +70,6 @@ MOST_WITH_ERROR = 50  # such sets
 BEAM = 30  # pairs that a third effect is tried beside
 BESIDE = 6  # best sets beside which a discrepancy is weighed
 NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
-WORTH_SOLVING = 0.1  # probability of an effect, below which no effect is solved
 MOST_SOLVED = 4  # sets that are fitted with the finite elements
 MOST_SOLUTIONS = 3  # of one set
 MOST_FREE = 8  # sets that are fitted and need none

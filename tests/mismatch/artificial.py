@@ -204,6 +204,13 @@ def read(base: Context, forces, rng) -> Context:
     return replace(base, observations=replace(seen, force=drawn))
 
 
+def chosen(base: Context, rows) -> Context:
+    """Return the context of some readings (R,) bool."""
+    known = {name: values[rows] for name, values in base.at_readings.items()}
+    part = base.observations.chosen(rows)
+    return replace(base, observations=part, force=base.force[rows], at_readings=known)
+
+
 def with_effect(base: Context, name, amounts, rng, shape=0) -> Context:
     """Return the context whose readings hold an amount of an effect, by the effect's own first order."""
     effect = CATALOGUE[name]

@@ -49,6 +49,6 @@ def identified():
     assert found.state == "identified"
 
     def state(out=False, model=None, **other):
-        return _state(replace(found.answer, **other), out, model)
+        return _state(found.posterior, replace(found.answer, **other), out, model)
 
     return problem, found, state

@@ -93,3 +93,13 @@ def covariance_of(context: Context) -> Covariance:
 
 def flat_base(context: Context) -> np.ndarray:
     return context.observations.flat(context.force)
+
+
+def draws_of(covariance: Covariance, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Return draws (n, count) of N(0, C): what is independent, and of each group of a level its directions times draws."""
+    found = np.sqrt(covariance.variance)[:, None] * rng.standard_normal((len(covariance), count))
+    for level in covariance.levels:
+        for group in np.unique(level.group):
+            own = level.group == group
+            found[own] += level.directions[own] @ rng.standard_normal((level.directions.shape[1], count))
+    return found

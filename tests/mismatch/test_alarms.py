@@ -6,9 +6,11 @@ import artificial
 import numpy as np
 import pytest
 from artificial_problem import judged, problem_of
+from artificial_readings import draws_of
 
 from gelforge.mismatch.inference.posterior import chance_of_known, weighed
-from gelforge.mismatch.result.verdict import ALARM_P, shown
+from gelforge.mismatch.result.verdict import shown
+from gelforge.mismatch.thresholds import ALARM_P
 
 
 def read_as(problem, residual):
@@ -22,7 +24,7 @@ def read_as(problem, residual):
 def test_noise_gives_known_effects_little_evidence():
     """The mean Bayes factor of noise is 1, much of it in rare draws: of 200 hardly one beyond 10."""
     problem = problem_of(artificial.context(7, per_side=3))
-    draws = problem.covariance.draw(np.random.default_rng(3), 200).T
+    draws = draws_of(problem.covariance, np.random.default_rng(3), 200).T
     factors = 1 / np.array([chance_of_known(read_as(problem, draw)) for draw in draws])  # those below 1 as 1
     assert 1.0 < factors.mean() < 1.5
     assert (factors > 2).mean() < 1 / 2 and (factors > 10).mean() < 1 / 10  # Markov, with room for 200 draws

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from artificial_readings import covariance_of, flat_base, grid, law_directions, readings
+from artificial_readings import covariance_of, draws_of, flat_base, grid, law_directions, readings
 from numpy.testing import assert_allclose
 from scipy.stats import chi2, multivariate_normal
 
@@ -122,7 +122,7 @@ def test_further_directions_add_their_outer_product(case):
 def test_draws_have_the_covariance(case):
     covariance, C = case
     count = 4000
-    draws = covariance.draw(np.random.default_rng(3), count)
+    draws = draws_of(covariance, np.random.default_rng(3), count)
     found = draws @ draws.T / count
     error = np.sqrt((np.outer(np.diag(C), np.diag(C)) + C**2) / count)
     # Each entry's sampling error is normal with this deviation: 5.5 is passed by none of 1e5 correlated ones.
@@ -136,7 +136,7 @@ def test_mirror_images_of_one_solution_err_alike():
     law, floor = np.zeros((len(context.force), 3, 0)), 0.01 * context.force
     labels = context.observations.labels()
     own, shared = (
-        readings_covariance(context, law, floor, alike).draw(np.random.default_rng(0), 20000)
+        draws_of(readings_covariance(context, law, floor, alike), np.random.default_rng(0), 20000)
         for alike in (None, np.zeros(len(context.force), int))
     )
     z = (labels["axis"] == 2) & (labels["depth_mm"] == 2.0)
@@ -170,7 +170,7 @@ def test_forty_thousand_readings():
     covariance = covariance_of(context)
     n = len(covariance)
     assert n == 120_000
-    white = covariance.whiten(covariance.draw(np.random.default_rng(5), 1)[:, 0])
+    white = covariance.whiten(draws_of(covariance, np.random.default_rng(5), 1)[:, 0])
     assert abs(white @ white - n) < 5 * np.sqrt(2 * n)  # five standard deviations of its law
     relative = covariance.whiten(0.02 * flat_base(context))
     # 2 % everywhere is one standard deviation of the law's scale, so it is nowhere near what the noise alone would show.

@@ -7,7 +7,7 @@ import artificial_readings
 import numpy as np
 import pandas as pd
 import pytest
-from artificial_readings import flat_base, grid, readings
+from artificial_readings import draws_of, flat_base, grid, readings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kstest
@@ -16,7 +16,7 @@ from test_noise import pressed
 
 from gelforge.config import DepthZero
 from gelforge.mismatch.evidence.covariance import readings_covariance
-from gelforge.mismatch.images.flow_covariance import _contact_points
+from gelforge.mismatch.images.flow_covariance import contact_points
 from gelforge.mismatch.inference.scan import global_test
 from gelforge.mismatch.readings.errors import CONTACT_POINT_MM, depth_scatter, with_contact_point
 
@@ -43,7 +43,7 @@ def p_of(drawn, covariance) -> np.ndarray:
 @pytest.fixture(scope="module")
 def residuals():
     """Return residuals (n, DRAWS) of nulls whose depth has both errors."""
-    return allowed(STAGE_MM, CONTACT_MM)[1].draw(np.random.default_rng(1), DRAWS)
+    return draws_of(allowed(STAGE_MM, CONTACT_MM)[1], np.random.default_rng(1), DRAWS)
 
 
 def test_nulls_with_both_errors_are_calibrated(residuals):
@@ -64,7 +64,7 @@ def test_nulls_with_both_errors_are_alarms_where_one_field_holds_either(residual
 
 def test_nulls_are_calibrated_over_two_sessions_with_a_drifting_zero():
     _, covariance = allowed(STAGE_MM, CONTACT_MM, 3, 2, drift=0.002, trend=0.001, unload=True)
-    p = p_of(covariance.draw(np.random.default_rng(2), DRAWS), covariance)
+    p = p_of(draws_of(covariance, np.random.default_rng(2), DRAWS), covariance)
     assert np.mean(p < 0.01) < 0.0225 and kstest(p, "uniform").pvalue > 0.01
 
 
@@ -186,17 +186,15 @@ def test_force_and_flow_of_a_press_share_its_depth_and_its_session_s(press_mm, s
     seen, labels = found.observations, found.observations.labels()
     pressed_at = [int(np.flatnonzero(seen.table["press"] == press)[-1]) for press in (0, 5, 20)]
     slope = np.random.default_rng(0).normal(size=(3, 4, 2))  # px/mm of four regions of three presses
-    model = SimpleNamespace(
-        seen=[SimpleNamespace(row=seen.table.loc[k]) for k in pressed_at],
-        slope=lambda: slope,
-        base=SimpleNamespace(law=np.zeros((len(seen.force), 3, 0))),
-    )
-    rows = SimpleNamespace(shown=np.ones((3, 4), bool), entries=len(labels), flat=np.ravel)
     problem = SimpleNamespace(covariance=covariance, labels=labels, observations=seen)
-    by_press, force, flow = _contact_points(problem, model, rows)
-    common = covariance.levels[-1].directions
-    both = common @ flow["session"].T + force @ flow["press"].T  # (n, 24): forces with flow
-    forces = by_press[:, 3:] @ by_press[:, 3:].T + force @ force.T
+    flow = seen.table.loc[np.repeat(pressed_at, 8)]
+    depths = np.full(24, press_mm), np.full(24, session_mm)
+    by_press, by_session = contact_points(problem, flow, depths, slope.ravel())
+    *_, press, alike, common = covariance.levels
+    sessions = common.directions[:, alike.directions.shape[1] :][:, : by_session.shape[1]]
+    together = labels["press"].to_numpy()[:, None] == flow["press"].to_numpy()
+    # (n, 24): forces with flow
+    both = together * (press.directions @ by_press.T) + sessions @ by_session.T
     own = seen.flat(found.slope())
     for k, at in enumerate(pressed_at):
         row = seen.table.loc[at]
@@ -205,5 +203,3 @@ def test_force_and_flow_of_a_press_share_its_depth_and_its_session_s(press_mm, s
         )
         expected = np.outer(own * mine, slope[k])
         assert both.reshape(len(labels), 3, 8)[:, k] == pytest.approx(expected, abs=1e-12)
-        i = np.flatnonzero(labels["press"] == row["press"])
-        assert forces[np.ix_(i, i)] == pytest.approx(press_mm**2 * np.outer(own[i], own[i]), abs=1e-12)

@@ -10,7 +10,7 @@ from test_effects import CATALOGUE, CONTEXT, STUDY, change
 
 from gelforge.config import Camera
 from gelforge.mismatch.effects.clock_offset import STAMPS
-from gelforge.mismatch.effects.mullins import POINTS, RINGS, Energies, lost_share
+from gelforge.mismatch.effects.mullins import POINTS, Energies, lost_share
 from gelforge.mismatch.model.effect import Curves
 from gelforge.recording.optics.camera import project
 
@@ -117,9 +117,9 @@ def test_energies_add_up_to_the_work():
     assert height * np.trapezoid(2 * np.pi * r * density, r) == pytest.approx(
         0.5, rel=2e-3
     )  # knots, cut at 2 m
-    x = (np.linalg.norm(POINTS, axis=1) ** 2).reshape(RINGS, -1)
+    x = (np.linalg.norm(POINTS, axis=1) ** 2).reshape(6, -1)
     assert_allclose(x, x[:, :1] * np.ones_like(x), rtol=1e-12)
-    assert_allclose(x[:, 0] / (1 + x[:, 0]), (np.arange(RINGS) + 0.5) / RINGS, rtol=1e-12)
+    assert_allclose(x[:, 0] / (1 + x[:, 0]), (np.arange(6) + 0.5) / 6, rtol=1e-12)
 
 
 def test_age_and_warmth_act_between_sessions_only():
@@ -264,7 +264,7 @@ def test_each_axis_has_a_hysteresis_of_its_own(loop, axis):
 
 
 def test_hysteresis_is_not_offered_without_a_way_up():
-    down = CONTEXT.chosen((CONTEXT.observations.table["phase"] != "unload").to_numpy())
+    down = artificial.chosen(CONTEXT, (CONTEXT.observations.table["phase"] != "unload").to_numpy())
     assert CATALOGUE["force_hysteresis"].shapes(CONTEXT) == [{"loop": "lens"}, {"loop": "play"}]
     assert CATALOGUE["force_hysteresis"].shapes(down) == []
 

@@ -221,7 +221,7 @@ def test_a_study_of_mirrored_cells_takes_every_effect(name):
 def test_the_patch_of_a_tilt_touches_the_plan_only_where_symmetry_was_asked_for(symmetry, keys):
     study = study_from(merged(STUDY.model_dump(mode="json"), {"plan": {"symmetry": symmetry}}))
     part = SimpleNamespace(name="tilt", shape={})
-    patch = patch_of(study, CATALOGUE, SimpleNamespace(parts=[part], amounts=[np.array([1.0, 0.0])]))
+    patch = patch_of(study, CATALOGUE, [(part, np.array([1.0, 0.0]))])
     assert patch["mechanics"]["effects"]["kinematics"]["tilt_deg"] == [1.0, 0.0]
     assert patch.get("plan") == keys
     study_from(merged(study.model_dump(mode="json"), patch))  # and can be read

@@ -114,9 +114,8 @@ def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probabil
         fit, parts=(*fit.parts, single.parts[0]), amounts=(*fit.amounts, single.amounts), spread=spread,
         columns=np.column_stack([fit.columns, single.parts[0].columns]),
     )  # fmt: skip
-    winner = replace(found.answer.winner, parts=fit.parts)
-    posterior = replace(found.posterior, evidence={**found.posterior.evidence, winner.effects: 1.0})
-    answer = replace(found.answer, groups=(beside, group), fit=fit, winner=winner, posterior=posterior)
+    posterior = replace(found.posterior, evidence={**found.posterior.evidence, fit.effects: 1.0})
+    answer = replace(found.answer, groups=(beside, group), fit=fit)
     said = verdict(problem, replace(found, answer=answer, posterior=posterior))
     assert [one.members for one in said.answer] == [[*group.members], [rest]]
     assert said.answer[1].names == [rest, "clock_offset"] and rest.split("_")[0] not in said.sentence
@@ -136,7 +135,7 @@ def test_amounts_in_place_of_an_effect_are_those_beside_the_others():
     first = next(group for group in found.answer.groups if "tilt" in group.members)
     other = next(name for name in first.members if name != first.members[0])
     said = {effect.name: effect for effect in effect_entries(problem, found)}
-    pair = found.answer.winner.effects - {first.members[0]} | {other}
+    pair = found.answer.fit.effects - {first.members[0]} | {other}
     assert said[other].log_bayes_factor == pytest.approx(
         found.answer.refits[pair].log_bayes_factor
         if pair in found.answer.refits

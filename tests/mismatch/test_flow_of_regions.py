@@ -77,8 +77,8 @@ def test_scatter_parts_what_regions_show_alike_at_all_sites():
     base = 3 * rng.standard_normal((6, 1, REGIONS**2, 2))
     share, own = 0.1 * rng.standard_normal((1, K, REGIONS**2, 1)), rng.standard_normal((6, K, REGIONS**2, 2))
     scatter = scatter_of(base * (1 + share) + 0.05 * own, np.ones(REGIONS**2, bool))
-    assert_allclose(np.median(np.abs(scatter.alike / base[:, 0])), 0.1, rtol=0.1)
-    assert_allclose(scatter.own.mean(), 0.05, rtol=0.1)
+    assert_allclose(np.median(np.abs(scatter.shared / base[:, 0])), 0.1, rtol=0.1)
+    assert_allclose(scatter.rest.mean(), 0.05, rtol=0.1)
 
 
 def test_scatter_tells_what_neighbours_share():
@@ -98,8 +98,8 @@ def test_scatter_tells_what_neighbours_share():
     drawn = base * (1 + share[None, :, :, None]) + 0.05 * own
     drawn[:, :, ~shown] = rng.standard_normal((4, K, REGIONS, 2))  # whatever is found there
     scatter = scatter_of(drawn, shown)
-    assert_allclose(scatter.beside, 0.4, atol=0.03)
-    assert scatter_of(np.zeros((2, K, m, 2)), shown).beside == 0.0
+    assert_allclose(scatter.correlation, 0.4, atol=0.03)
+    assert scatter_of(np.zeros((2, K, m, 2)), shown).correlation == 0.0
     across = (root @ root.T).reshape(REGIONS, REGIONS, REGIONS, REGIONS)
     assert_allclose([across[2, 3, 2, 3], across[2, 3, 2, 4], across[2, 3, 4, 2]], [1.0, 0.4, 0.4**3])
 

@@ -31,19 +31,21 @@ def answer_of(*names, like=("tilt",), alternatives=()):
         for name in names
     ]
     amounts = [[-0.1234] * max(1, len(CATALOGUE[name].parameters)) for name in names]
-    adequacy, words = SimpleNamespace(p=0.4), "all forces in proportion from one indentation to the next"
-    fit = SimpleNamespace(parts=parts, amounts=amounts)
-    return SimpleNamespace(fit=fit, groups=groups, sure=groups, adequacy=adequacy, discrepancy_words=words)
+    fit, adequacy = SimpleNamespace(parts=parts, amounts=amounts), SimpleNamespace(p=0.4)
+    return SimpleNamespace(fit=fit, groups=groups, sure=groups, adequacy=adequacy)
 
 
 def headline(state, answer=None, model=None, out_of_range=False):
-    mismatch = SimpleNamespace(p=0.0123)
-    return sentence_of(
-        PROBLEM,
-        SimpleNamespace(
-            state=state, answer=answer, model=model, mismatch=mismatch, out_of_range=out_of_range
-        ),
+    words = "all forces in proportion from one indentation to the next"
+    judgement = SimpleNamespace(
+        state=state,
+        posterior=SimpleNamespace(discrepancy_words=words),
+        answer=answer,
+        model=model,
+        mismatch=SimpleNamespace(p=0.0123),
+        out_of_range=out_of_range,
     )
+    return sentence_of(PROBLEM, judgement)
 
 
 def short(sentence: str) -> bool:

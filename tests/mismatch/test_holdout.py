@@ -4,12 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from artificial_readings import covariance_of, grid, readings
+from artificial_readings import covariance_of, draws_of, grid, readings
 from scipy.stats import multivariate_normal
 from test_screen import make
 
 from gelforge.mismatch.evidence.screen import screened
-from gelforge.mismatch.inference.holdout import Blocks, gain, predictive_scores, selection_penalty_of, split
+from gelforge.mismatch.inference.holdout import (
+    Blocks,
+    Prediction,
+    gain,
+    predictive_scores,
+    selection_penalty_of,
+    split,
+)
 from gelforge.mismatch.result.verdict import shown
 
 
@@ -60,7 +67,7 @@ def test_scores_are_those_of_dense_matrices(world):
     labels, covariance, candidates = world
     drift = candidates[4]
     rng = np.random.default_rng(0)
-    r = drift.columns @ [0.03, -0.03, 0.02] + covariance.draw(rng, 1)[:, 0]
+    r = drift.columns @ [0.03, -0.03, 0.02] + draws_of(covariance, rng, 1)[:, 0]
     blocks = split(labels, seed=3)
     t = blocks.train
     W = covariance.whiten(np.eye(len(r)))
@@ -71,28 +78,27 @@ def test_scores_are_those_of_dense_matrices(world):
     J, inverse = drift.columns[t], np.linalg.inv(C[np.ix_(t, t)])
     S = np.linalg.inv(J.T @ inverse @ J + np.linalg.inv(prior))
     a = S @ J.T @ inverse @ r[t]
-    scores = predictive_scores(r - drift.columns @ a, covariance, blocks, labels, drift.columns, S)
-    assert scores["score"].sum() == pytest.approx(wanted, abs=1e-6)
-    plain = predictive_scores(r, covariance, blocks, labels)
+    scores = predictive_scores(Prediction(r - drift.columns @ a, covariance, drift.columns, S), blocks)
+    assert sum(scores.values())[0] == pytest.approx(wanted, abs=1e-6)
+    plain = predictive_scores(Prediction(r, covariance), blocks)
     wanted = multivariate_normal.logpdf(r, cov=C) - multivariate_normal.logpdf(r[t], cov=C[np.ix_(t, t)])
-    assert plain["score"].sum() == pytest.approx(wanted, abs=1e-6)
-    assert list(plain["block"].unique()) == ["positions", "deepest"]
-    assert plain["entries"].sum() == (~t).sum()
-    total, _ = gain(plain, scores)
-    assert total == pytest.approx(scores["score"].sum() - plain["score"].sum())
-    assert len(scores) == 9
+    assert sum(plain.values())[0] == pytest.approx(wanted, abs=1e-6)
+    assert list(plain) == list(scores) == ["positions", "deepest"]
+    total, _ = gain(sum(plain.values()), sum(scores.values()))
+    assert total == pytest.approx(sum(scores[name][0] - plain[name][0] for name in plain))
 
 
-def chosen_gain(r, labels, covariance, candidates, blocks):
+def chosen_gain(r, covariance, candidates, blocks):
     """Return the held-out gain of the effect that the training readings put first."""
     t = blocks.train
     part = [replace(candidate, columns=candidate.columns[t]) for candidate in candidates]
     best = screened(r[t], covariance.restricted(t), part)[0]
-    name, shape = best.name, best.shape
+    name, shape = best.name, best.parts[0].shape
     columns = next(c.columns for c in candidates if (c.name, c.shape) == (name, shape))
     change = columns @ best.amounts
-    after = predictive_scores(r - change, covariance, blocks, labels, columns, best.covariance)
-    return name, gain(predictive_scores(r, covariance, blocks, labels, change=change), after)
+    before = predictive_scores(Prediction(r, covariance), blocks, change)
+    after = predictive_scores(Prediction(r - change, covariance, columns, best.covariance), blocks)
+    return name, gain(sum(before.values()), sum(after.values()))
 
 
 @pytest.mark.thorough
@@ -102,7 +108,7 @@ def test_nothing_to_find_gives_no_gain(world):
     rng, gains, clear = np.random.default_rng(1), [], 0
     for _ in range(150):
         blocks = split(labels, seed=int(rng.integers(1 << 30)))
-        found = chosen_gain(covariance.draw(rng, 1)[:, 0], labels, covariance, candidates, blocks)[1]
+        found = chosen_gain(draws_of(covariance, rng, 1)[:, 0], covariance, candidates, blocks)[1]
         gains.append(found[0])
         clear += shown(*found)
     error = np.std(gains) / np.sqrt(len(gains))
@@ -115,8 +121,8 @@ def test_what_is_there_is_predicted(world):
     drift = candidates[4]
     rng, clear = np.random.default_rng(2), 0
     for k in range(10):
-        r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(rng, 1)[:, 0]
-        name, found = chosen_gain(r, labels, covariance, candidates, split(labels, seed=k))
+        r = drift.columns @ [0.06, -0.06, 0.06] + draws_of(covariance, rng, 1)[:, 0]
+        name, found = chosen_gain(r, covariance, candidates, split(labels, seed=k))
         assert name == "force_drift" and found[0] > 5
         clear += shown(*found)
     assert clear >= 8
@@ -126,12 +132,12 @@ def test_draws_of_presses_set_aside_are_not_fitted(world):
     """A depth error of one held-out indentation costs it alone what its variance allows, whatever the training says."""
     labels, covariance, _ = world
     blocks = split(labels, seed=3)
-    r = covariance.draw(np.random.default_rng(4), 1)[:, 0]
-    scores = predictive_scores(r, covariance, blocks, labels)
+    r = draws_of(covariance, np.random.default_rng(4), 1)[:, 0]
+    scores = predictive_scores(Prediction(r, covariance), blocks)
     at = covariance.restricted(blocks.held["positions"])
     # Without what sites share (law and floor, small here) the held-out sites would be independent of training.
     alone = at.log_density(r[blocks.held["positions"]])
-    assert scores["score"][scores["block"] == "positions"].sum() == pytest.approx(alone, abs=15)
+    assert scores["positions"][0] == pytest.approx(alone, abs=15)
 
 
 @pytest.mark.thorough
@@ -143,9 +149,10 @@ def test_the_error_of_a_gain_is_what_noise_gives_it(world):
     change = np.where(where, 0.02, 0.0)
     gains, rng = [], np.random.default_rng(5)
     for _ in range(300):
-        r = change + covariance.draw(rng, 1)[:, 0]
-        before = predictive_scores(r, covariance, blocks, labels, change=change)
-        total, expected = gain(before, predictive_scores(r - change, covariance, blocks, labels))
+        r = change + draws_of(covariance, rng, 1)[:, 0]
+        before = predictive_scores(Prediction(r, covariance), blocks, change)
+        after = predictive_scores(Prediction(r - change, covariance), blocks)
+        total, expected = gain(sum(before.values()), sum(after.values()))
         gains.append(total)
     # of 300 draws a standard deviation is known to 1 / sqrt(600) = 4 %; three times that
     assert np.std(gains) == pytest.approx(expected, rel=0.12)
@@ -156,7 +163,7 @@ def test_no_training_is_an_error(world):
     labels, covariance, _ = world
     every = np.ones(len(labels), bool)
     with pytest.raises(ValueError, match="training"):
-        predictive_scores(np.zeros(len(labels)), covariance, Blocks(~every, {"all": every}), labels)
+        predictive_scores(Prediction(np.zeros(len(labels)), covariance), Blocks(~every, {"all": every}))
 
 
 def test_a_choice_costs_the_more_the_less_the_training_readings_had_chosen():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from artificial_readings import covariance_of, grid, readings
+from artificial_readings import covariance_of, draws_of, grid, readings
 from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 from test_screen import make
@@ -47,7 +47,7 @@ def test_correlations_are_cosines_and_of_several_parameters_the_share_that_can_b
 
 
 def lines_of(covariance, candidates):
-    r = covariance.draw(np.random.default_rng(1), 1)[:, 0]
+    r = draws_of(covariance, np.random.default_rng(1), 1)[:, 0]
     return indistinguishable(covariance, {one.name: one for one in screened(r, covariance, candidates)})
 
 
@@ -63,7 +63,7 @@ def test_effects_that_scale_all_forces_share_a_line_and_others_do_not(world):
 def test_effects_of_a_line_correlate_all_with_each_other(world):
     """Three changes 15 degrees apart: neighbours correlate by 0.966, the outer two by 0.866."""
     covariance = world[1]
-    draws = covariance.draw(np.random.default_rng(2), 2)
+    draws = draws_of(covariance, np.random.default_rng(2), 2)
     _, R = np.linalg.qr(covariance.whiten(draws))
     basis = draws @ np.linalg.inv(R)
     fan = [
@@ -96,7 +96,7 @@ def test_what_the_limit_promises(world):
     atoms = whitened(dictionary(labels, context.observations.flat(context.force)), covariance)
     column = named(candidates, "late").columns[:, 0]
     change = DETECTED_SNR * column / np.linalg.norm(covariance.whiten(column))
-    noise = covariance.draw(np.random.default_rng(4), 200)
+    noise = draws_of(covariance, np.random.default_rng(4), 200)
 
     def seen(share):
         white = covariance.whiten(share * change[:, None] + noise)
@@ -113,7 +113,7 @@ def test_expected_log_odds_are_the_mean_of_many_experiments(world, erring):
     _, covariance, candidates = world
     rng = np.random.default_rng(6)
     drift, late = named(candidates, "force_drift"), named(candidates, "late")
-    r = drift.columns @ [0.02, 0.0, -0.02] + covariance.draw(rng, 1)[:, 0]
+    r = drift.columns @ [0.02, 0.0, -0.02] + draws_of(covariance, rng, 1)[:, 0]
     first, second = (screened(r, covariance, [c])[0] for c in (drift, late))
     columns = {"force_drift": drift.columns, "late": late.columns}
     apart = np.sin(3 * np.arange(len(r)))[:, None]
@@ -137,7 +137,7 @@ def test_the_cheapest_deciding_experiment_comes_first(world):
     _, covariance, candidates = world
     stiffness = named(candidates, "gel_stiffness")
     twin = replace(stiffness, name="force_gain")
-    r = 0.4 * stiffness.columns[:, 0] + covariance.draw(np.random.default_rng(7), 1)[:, 0]
+    r = 0.4 * stiffness.columns[:, 0] + draws_of(covariance, np.random.default_rng(7), 1)[:, 0]
     first, second = (screened(r, covariance, [c])[0] for c in (stiffness, twin))
     same = {"gel_stiffness": stiffness.columns, "force_gain": twin.columns}
     weights = {

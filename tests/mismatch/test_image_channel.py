@@ -222,13 +222,13 @@ def test_what_bends_the_mesh_stays_at_first_order_in_the_flow(joint, monkeypatch
     part, a = next(c for c in joint.candidates if c.name == "gel_stiffness"), np.array([0.3])
     every = np.ones(len(joint.base), bool)
     n, R = joint.flow.entries, len(joint.flow.forces.base)
-    solved = replace(joint.forces_with, known={})([part], [a], every)
+    solved = joint.forces_with([(part, a)], every)
 
     def bent(*_):
         raise VirtualLabError("elements are not boxes")
 
     monkeypatch.setattr(flow_model_module, "each_moved", bent)
-    linear = replace(joint.forces_with, known={})([part], [a], every)
+    linear = joint.forces_with([(part, a)], every)
     assert_allclose(linear[:R], solved[:R], rtol=1e-12)
     change = joint.observations.flat(linear - joint.base)[n:]
     assert_allclose(change, part.columns[n:] @ a, atol=1e-12)
@@ -257,13 +257,13 @@ def test_a_defect_far_from_all_images_changes_no_flow(joint):
 def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):
     """A fifth of it, more than a change of the forces, each on its own; at the indenter as far as at the rim."""
     part = next(c for c in joint.candidates if c.name == "gel_stiffness")
-    errors, n = joint.errors_of([part], np.array([0.3])), joint.flow.entries
+    errors, n = joint.errors_of([(part, np.array([0.3]))]), joint.flow.entries
     change = 0.3 * part.columns[:, 0]
     size = np.sqrt(np.sum(errors**2, axis=1))
     assert_allclose(size[n:], SEEN_ERROR * np.abs(change[n:]), rtol=1e-9)
     assert_allclose(size[:n], part.form_error * np.abs(change[:n]), rtol=1e-9)
     assert not (errors[:n].any(axis=0) & errors[n:].any(axis=0)).any()
-    wider = joint.with_model_error([part], np.array([0.3])).covariance
+    wider = joint.with_model_error([(part, np.array([0.3]))]).covariance
     assert_allclose(
         wider.variance - joint.covariance.variance,
         np.where(np.arange(len(change)) < n, 0, SCATTERED * change) ** 2,

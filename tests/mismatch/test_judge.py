@@ -15,8 +15,7 @@ from gelforge.mismatch.evidence.problem import secant
 from gelforge.mismatch.evidence.refit import refitted
 from gelforge.mismatch.evidence.screen import screened
 from gelforge.mismatch.inference.judge import _alarm, judge
-from gelforge.mismatch.result.verdict import LEFT_P
-from gelforge.mismatch.thresholds import FORM_ERRORS, MOST_EFFECTS, PLACE_ERROR
+from gelforge.mismatch.thresholds import FORM_ERRORS, LEFT_P, MOST_EFFECTS, PLACE_ERROR
 from gelforge.progress import Stages, show
 
 
@@ -97,15 +96,15 @@ def test_without_the_effect_in_the_catalogue_it_is_not_named(name):
 def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_is_reported():
     base = artificial.context(13, per_side=3)
     problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.3], np.random.default_rng(14)))
-    first = judge(problem, SETTINGS, seed=1).answer.winner.name
+    first = judge(problem, SETTINGS, seed=1).answer.fit.name
 
-    def stuck(parts, amounts, rows):
-        if any(part.name == first for part in parts):
+    def stuck(terms, rows):
+        if any(part.name == first for part, _ in terms):
             raise NotConverged("the gel folds")
-        return problem.forces_with(parts, amounts, rows)
+        return problem.forces_with(terms, rows)
 
     found = judge(replace(problem, forces_with=stuck), SETTINGS, seed=1)
-    assert first not in [part.name for part in found.answer.winner.parts]
+    assert first not in [part.name for part in found.answer.fit.parts]
     assert any(first.replace("_", " ") in note and "the gel folds" in note for note in found.notes)
 
 
@@ -182,12 +181,12 @@ def test_a_change_errs_by_its_share_at_every_reading(name, share):
         added(problem, part, amounts), (share * part.columns @ amounts) ** 2, rtol=1e-9, atol=1e-15
     )
     none = replace(problem, change_error=0.0)
-    assert none.with_model_error([part], amounts) is none
+    assert none.with_model_error([(part, amounts)]) is none
 
 
 def added(problem, part, amounts):
     """Return the variance (n,) that errors of a change add."""
-    wider = problem.with_model_error([part], amounts).covariance
+    wider = problem.with_model_error([(part, amounts)]).covariance
     return wider.standard_deviation**2 - problem.covariance.standard_deviation**2
 
 
@@ -225,5 +224,5 @@ def test_of_one_site_and_one_depth_nothing_is_held_out():
     base = artificial.context(15, per_side=1, depths=(2.0,))
     context = artificial.with_effect(base, "gel_stiffness", [0.8], np.random.default_rng(16))
     down = (context.observations.table["phase"] == "load").to_numpy()
-    found = judged(context.chosen(down))[1]
+    found = judged(artificial.chosen(context, down))[1]
     assert not found.blocks.held_out.any() and found.answer.proof is None and not found.answer.folds

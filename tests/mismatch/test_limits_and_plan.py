@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import specimens
+from artificial_readings import draws_of
 from recorded import record
 from test_verdict import content, effect
 
@@ -143,7 +144,7 @@ def test_a_recording_shows_the_limit_s_amount_as_promised(home):
     base, there, far = (pressed(own, k * limit, planned.table) for k in (0, 1, 5))
     snr = np.linalg.norm(problem.covariance.whiten(planned.flat(there - base)))
     assert snr == pytest.approx(DETECTED_SNR, rel=0.1)
-    noise = problem.covariance.draw(np.random.default_rng(1), 1)[:, 0]
+    noise = draws_of(problem.covariance, np.random.default_rng(1), 1)[:, 0]
     force = far.copy()
     force[planned.read] += noise
     recorded = replace(problem, observations=replace(planned, force=force))

@@ -150,12 +150,12 @@ def test_one_place_has_no_map_of_places_and_one_press_none_of_time():
     base = artificial.context(3, per_side=3)
     rows = (base.observations.table["site"] == 0).to_numpy()
     names = ["force_hysteresis", "gain_in_time", "relaxation", "softening"]
-    assert [one.name for one in modules_of(base.chosen(rows), ())] == names
+    assert [one.name for one in modules_of(artificial.chosen(base, rows), ())] == names
     first = (base.observations.table["order"] == 0).to_numpy()
     alone = [name for name in names if name != "gain_in_time"]
-    assert [one.name for one in modules_of(base.chosen(first), ())] == alone
+    assert [one.name for one in modules_of(artificial.chosen(base, first), ())] == alone
     going_down = (base.observations.table["phase"] == "load").to_numpy()
-    assert [one.name for one in modules_of(base.chosen(first & going_down), ())] == []
+    assert [one.name for one in modules_of(artificial.chosen(base, first & going_down), ())] == []
 
 
 def test_a_body_softer_to_one_side_is_said_with_its_map(modulus, tmp_path):
@@ -206,7 +206,7 @@ def test_the_patched_study_has_the_map_of_the_modulus():
     changes = [Candidate(BOX.name, s, flat, BOX.prior_sd, np.zeros(1, int)) for s in shapes]
     own = next(one for one in modules_of(context, changes) if one.name == "modulus_map")
     change = np.linspace(-0.2, 0.2, len(shapes))
-    keys = patch_of(study, {}, None, own, own.map.assign(mean=change))
+    keys = patch_of(study, {}, (), own, own.map.assign(mean=change))
     patches = keys["mechanics"]["effects"]["geometry"]["patches"]
     assert [patch["factor"] for patch in patches] == pytest.approx((1 + change).tolist())
 

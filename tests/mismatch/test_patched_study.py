@@ -84,9 +84,8 @@ def test_the_patched_study_presses_what_the_judge_calls_after(case, tmp_path):
     effects = [(CATALOGUE[name], np.array(amounts)) for name, amounts in CASES[case]]
     chosen = [(effect, effect.shapes(base.context)[0], amounts) for effect, amounts in effects]
     after = forces_with(solver, base, chosen)
-    parts = [SimpleNamespace(name=effect.name, shape=shape) for effect, shape, _ in chosen]
-    fit = SimpleNamespace(parts=parts, amounts=[amounts for *_, amounts in chosen])
-    there = patched(plain, yaml.safe_load(yaml.safe_dump(patch_of(plain, CATALOGUE, fit))))
+    terms = [(SimpleNamespace(name=effect.name, shape=shape), a) for effect, shape, a in chosen]
+    there = patched(plain, yaml.safe_load(yaml.safe_dump(patch_of(plain, CATALOGUE, terms))))
     presses = pressed(there, planned.sites, DEPTHS)[
         planned.table["site"], np.searchsorted(DEPTHS, planned.table["depth_mm"])
     ]
@@ -115,8 +114,8 @@ def test_a_patched_base_is_followed_in_the_time_of_the_readings(name, shape, amo
     base = base_of(solver, planned, [])
     after = forces_with(solver, base, [(effect, shape, np.array([amount]))])
     assert np.abs(after - base.context.force).max() > 0.03  # N: without the patch
-    fit = SimpleNamespace(parts=[SimpleNamespace(name=name, shape=shape)], amounts=[np.array([amount])])
-    there = patched(plain, patch_of(plain, CATALOGUE, fit))
+    term = SimpleNamespace(name=name, shape=shape), np.array([amount])
+    there = patched(plain, patch_of(plain, CATALOGUE, [term]))
     judged_by = base_of(replace(solver, study=there), planned, [])
     assert_allclose(judged_by.context.force, after, rtol=0, atol=SAME * np.abs(after).max())
     # What a refit beside it changes is its own, and not what the time has changed already.

@@ -66,10 +66,9 @@ def solvable(context):
     problem = replace(problem_of(context, left_out=()), change_error=1e-3)
     linear = problem.forces_with
 
-    def forces_with(parts, amounts, rows):
-        others = [(part, a) for part, a in zip(parts, amounts) if part.name != "void"]
-        force = linear(*zip(*others), rows) if others else problem.base.copy()
-        for part, a in zip(parts, amounts):
+    def forces_with(terms, rows):
+        force = linear([(part, a) for part, a in terms if part.name != "void"], rows)
+        for part, a in terms:
             if part.name == "void":
                 force = force + bubble(context, part.shape, a[0])
         return np.where(rows[:, None], force, np.nan)
@@ -108,7 +107,7 @@ def test_a_refit_moves_to_where_the_bubble_is(along, across):
     context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
     _, start, fit = fitted_alone(context)
     (found,) = fit.parts
-    assert fit.converged and found.tried == dict(start.shape)
+    assert fit.converged and found.tried == dict(start.parts[0].shape)
     assert away(found.shape, there) < 0.09 * spacing < away(found.tried, there)
     assert fit.amounts[0] == pytest.approx(1.0, rel=0.1)  # its form may be another by a quarter
     assert fit.log_bayes_factor > start.log_bayes_factor
@@ -179,7 +178,7 @@ def test_what_has_been_found_errs_less_than_what_was_tried():
     there = displaced(part, {"x_mm": 1.0})
     assert there.shape["x_mm"] == TRIED[12]["x_mm"] + 1.0 and there.tried == TRIED[12]
     assert (problem.error_of(part), problem.error_of(there)) == (PLACE_ERROR, FORM_ERRORS[1])
-    tried, found = (problem.errors_of([one], np.ones(1)) for one in (part, there))
+    tried, found = (problem.errors_of([(one, np.ones(1))]) for one in (part, there))
     next_to = slice(6, None)  # before: three shares of pressing and of sideways forces
     assert found[:, :6] == pytest.approx(tried[:, :6] * FORM_ERRORS[1] / PLACE_ERROR)
     assert tried[:, next_to].any() and not found[:, next_to].any()
@@ -202,9 +201,8 @@ def test_evidence_is_averaged_over_errors_of_form():
     exact = problem_of(artificial.with_effect(base, "gel_stiffness", [0.5], np.random.default_rng(22)))
     part = next(c for c in exact.candidates if c.name == "gel_stiffness")
     problem, every = replace(exact, change_error=0.1), np.ones(len(exact.labels), bool)
-    off = problem.errors_of([replace(part, form_error=0.3)], np.array([0.5])) @ np.array(
-        [0, 2, -2, 0, -2, 2.0]
-    )
+    wrong = problem.errors_of([(replace(part, form_error=0.3), np.array([0.5]))])
+    off = wrong @ np.array([0, 2, -2, 0, -2, 2.0])
     force = exact.observations.force.copy()
     force[exact.observations.read] += off
     problem = replace(problem, observations=replace(exact.observations, force=force))
@@ -214,7 +212,7 @@ def test_evidence_is_averaged_over_errors_of_form():
     each = []
     for error in FORM_ERRORS:
         part = replace(alone.parts[0], form_error=error)
-        wider = problem.with_model_error([part], alone.amounts).covariance
+        wider = problem.with_model_error([(part, alone.amounts)]).covariance
         more = log_evidence(wider, problem.residual, [part])
         more -= log_evidence(problem.covariance, problem.residual, [part])
         each.append(alone.log_bayes_factor + more)
@@ -239,10 +237,11 @@ def test_a_step_too_far_is_not_taken():
     (own,) = (c for c in problem.candidates if c.name == "gel_stiffness")
     (start,) = screened(problem.residual, problem.covariance, [own])
 
-    def odd(parts, amounts, rows):
-        share = 0.9 if amounts[0] == pytest.approx(start.amounts, abs=1e-9) else -1.0
+    def odd(terms, rows):
+        ((part, a),) = terms
+        share = 0.9 if a == pytest.approx(start.amounts, abs=1e-9) else -1.0
         found = problem.base.copy()
-        found[context.observations.read] += share * parts[0].columns @ start.amounts
+        found[context.observations.read] += share * part.columns @ start.amounts
         return found
 
     fit = refitted(replace(problem, forces_with=odd), start, np.ones(len(problem.labels), bool))

@@ -48,7 +48,7 @@ def test_a_strong_defect_is_put_where_it_is(hidden):
     changed = [one for one, other in zip(relinearised.candidates, problem.candidates) if one is not other]
     assert changed == [found]
     true = problem.observations.flat(
-        problem.forces_with([found], [np.array([1.0])], np.ones(len(problem.base), bool))
+        problem.forces_with([(found, np.array([1.0]))], np.ones(len(problem.base), bool))
     )
     assert found.columns[:, 0] == pytest.approx(
         true - problem.observations.flat(problem.base), rel=0.2, abs=0.01
@@ -78,7 +78,7 @@ def test_what_is_no_strong_defect_leaves_the_problem_as_it_is(hidden):
 def test_a_defect_that_cannot_be_solved_stays_where_it_was_tried(hidden):
     problem, *_ = hidden
 
-    def refusing(parts, amounts, rows):
+    def refusing(terms, rows):
         raise NotConverged("no equilibrium at 2 mm")
 
     same, failure = placed(problem, replace(problem, forces_with=refusing))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from artificial_readings import covariance_of, flat_base, grid, readings
+from artificial_readings import covariance_of, draws_of, flat_base, grid, readings
 from scipy.stats import binom, chi2, kstest
 
 from gelforge.mismatch.evidence.covariance import Covariance, Estimated
@@ -25,7 +25,7 @@ def recording():
 @pytest.fixture(scope="module")
 def nulls(recording):
     covariance = recording[2]
-    return covariance.draw(np.random.default_rng(11), NULLS)
+    return draws_of(covariance, np.random.default_rng(11), NULLS)
 
 
 def test_global_p_is_uniform_without_a_mismatch(recording, nulls):
@@ -38,7 +38,7 @@ def test_global_p_is_uniform_without_a_mismatch(recording, nulls):
 def test_bootstrap_agrees_with_chi2(recording, nulls):
     """The nuisances are part of the covariance, so draws of it have the chi-square law itself."""
     covariance = recording[2]
-    r = covariance.draw(np.random.default_rng(12), 1)[:, 0] * 1.03
+    r = draws_of(covariance, np.random.default_rng(12), 1)[:, 0] * 1.03
     tested = global_test(r, covariance)
     bootstrap = np.mean([global_test(null, covariance).chi2 >= tested.chi2 for null in nulls.T])
     assert abs(bootstrap - tested.p) < 4 * np.sqrt(tested.p * (1 - tested.p) / NULLS)  # binomial error
@@ -85,12 +85,12 @@ def test_noise_that_was_estimated_is_not_taken_as_known(recording):
         share = rng.chisquare(REPEATS, 3) / REPEATS
         estimated = Estimated(axis, np.full(3, float(REPEATS)), np.ones(3))
         covariance = replace(known, variance=known.variance * share[axis], estimated=estimated)
-        white = covariance.whiten(known.draw(rng, 1))[:, 0]
+        white = covariance.whiten(draws_of(known, rng, 1))[:, 0]
         atoms = whitened(dictionary(labels, base), covariance)
         for name, of in (("estimated", covariance), ("taken as known", replace(covariance, estimated=None))):
             found[name].append(
                 [
-                    global_test(known.draw(rng, 1)[:, 0], of).p,
+                    global_test(draws_of(known, rng, 1)[:, 0], of).p,
                     scan(white, atoms, np.random.default_rng(k), draws=300, estimated=of.estimated).p,
                 ]
             )
@@ -139,7 +139,7 @@ PLANTED = {
 @pytest.mark.parametrize("kind", PLANTED)
 def test_what_is_planted_is_found(recording, kind):
     labels, base, covariance, atoms = recording
-    r = PLANTED[kind](labels, base) + covariance.draw(np.random.default_rng(13), 1)[:, 0]
+    r = PLANTED[kind](labels, base) + draws_of(covariance, np.random.default_rng(13), 1)[:, 0]
     found = scan(covariance.whiten(r), atoms, np.random.default_rng(0))
     assert found.p < 0.005
     assert found.best.kind == kind
@@ -148,14 +148,14 @@ def test_what_is_planted_is_found(recording, kind):
 
 def test_a_bump_is_placed_at_its_site(recording):
     labels, base, covariance, atoms = recording
-    r = bump(labels, base, 13.5, 18.5) + covariance.draw(np.random.default_rng(14), 1)[:, 0]
+    r = bump(labels, base, 13.5, 18.5) + draws_of(covariance, np.random.default_rng(14), 1)[:, 0]
     best = scan(covariance.whiten(r), atoms, np.random.default_rng(0)).best
     assert np.hypot(best.region["x_mm"] - 13.5, best.region["y_mm"] - 18.5) < 3  # mm: the goal for a defect
 
 
 def test_steps_tell_when(recording):
     labels, base, covariance, atoms = recording
-    r = PLANTED["time"](labels, base) + covariance.draw(np.random.default_rng(15), 1)[:, 0]
+    r = PLANTED["time"](labels, base) + draws_of(covariance, np.random.default_rng(15), 1)[:, 0]
     best = scan(covariance.whiten(r), atoms, np.random.default_rng(0)).best
     length = labels["time_s"].max()
     assert abs(best.region["time_s"][0] - 700) < length / 8  # steps are tried at eighths
@@ -180,7 +180,7 @@ def test_several_sessions_are_told_apart():
     atoms = whitened(dictionary(labels, base), covariance)
     r = (
         0.1 * base * (labels["session"] == "s1").to_numpy()
-        + covariance.draw(np.random.default_rng(16), 1)[:, 0]
+        + draws_of(covariance, np.random.default_rng(16), 1)[:, 0]
     )
     assert scan(covariance.whiten(r), atoms, np.random.default_rng(0)).best.kind in {
         "session",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from artificial_readings import covariance_of, flat_base, grid, readings
+from artificial_readings import covariance_of, draws_of, flat_base, grid, readings
 from numpy.testing import assert_allclose
 from scipy.stats import binom
 
@@ -137,7 +137,7 @@ def drawn(rng, covariance, candidate):
     amounts = candidate.prior_sd * rng.normal(size=len(candidate.prior_sd))
     amounts = np.where(candidate.signs != 0, candidate.signs * np.abs(amounts), amounts)
     amounts = np.ones(1) if candidate.binary else amounts
-    return candidate.columns @ amounts + covariance.draw(rng, 1)[:, 0], amounts
+    return candidate.columns @ amounts + draws_of(covariance, rng, 1)[:, 0], amounts
 
 
 def test_probabilities_are_calibrated(world):
@@ -149,7 +149,7 @@ def test_probabilities_are_calibrated(world):
     for _ in range(300):
         truth = "null" if rng.random() < 0.5 else rng.choice(names)
         if truth == "null":
-            r = covariance.draw(rng, 1)[:, 0]
+            r = draws_of(covariance, rng, 1)[:, 0]
         else:
             shapes = [c for c in candidates if c.name == truth]
             r = drawn(rng, covariance, shapes[rng.integers(len(shapes))])[0]
@@ -188,10 +188,10 @@ def test_shapes_are_averaged_and_the_best_is_kept(world):
     covariance, candidates = world
     bumps = [c for c in candidates if c.name == "inclusion"]
     rng = RNG(7)
-    r = 0.6 * bumps[4].columns[:, 0] + covariance.draw(rng, 1)[:, 0]
+    r = 0.6 * bumps[4].columns[:, 0] + draws_of(covariance, rng, 1)[:, 0]
     judged = screened(r, covariance, bumps, scales=AS_STATED)[0]
     single = [screened(r, covariance, [bump], scales=AS_STATED)[0].log_bayes_factor for bump in bumps]
-    assert judged.shape == bumps[int(np.argmax(single))].shape == bumps[4].shape
+    assert judged.parts[0].shape == bumps[int(np.argmax(single))].shape == bumps[4].shape
     assert judged.log_bayes_factor == pytest.approx(np.log(np.mean(np.exp(np.array(single)))))
     assert judged.best_log_bayes_factor == pytest.approx(max(single))
 
@@ -200,7 +200,7 @@ def test_a_switch_is_one_or_absent(world):
     covariance, candidates = world
     binary = candidates[-1]
     d = binary.columns[:, 0]
-    r = d + covariance.draw(RNG(8), 1)[:, 0]
+    r = d + draws_of(covariance, RNG(8), 1)[:, 0]
     judged = screened(r, covariance, [binary], scales=AS_STATED)[0]
     assert judged.log_bayes_factor == pytest.approx(covariance.log_density(r - d) - covariance.log_density(r))
     assert judged.amounts == [1] and judged.covariance == [[0]]
@@ -224,7 +224,7 @@ def test_the_wrong_sign_names_nothing(world):
     """A spring with negative compliance would explain the residual; it is unphysical and falls behind no effect."""
     covariance, candidates = world
     spring = next(c for c in candidates if c.name == "frame_compliance")
-    r = -0.3 * spring.columns[:, 0] + covariance.draw(RNG(11), 1)[:, 0]
+    r = -0.3 * spring.columns[:, 0] + draws_of(covariance, RNG(11), 1)[:, 0]
     free = Candidate("free", {}, spring.columns, spring.prior_sd, np.zeros(1, int))
     found = {judged.name: judged for judged in screened(r, covariance, [spring, free])}
     assert found["free"].log_bayes_factor > 5 and found["free"].amounts[0] < 0
@@ -240,7 +240,11 @@ def test_two_effects_at_once(world):
     covariance, candidates = world
     by_name = {c.name: c for c in candidates}
     drift, late = by_name["force_drift"], by_name["late"]
-    r = drift.columns @ [0.05, -0.05, 0.05] + 0.25 * late.columns[:, 0] + covariance.draw(RNG(12), 1)[:, 0]
+    r = (
+        drift.columns @ [0.05, -0.05, 0.05]
+        + 0.25 * late.columns[:, 0]
+        + draws_of(covariance, RNG(12), 1)[:, 0]
+    )
     single = screened(r, covariance, candidates, scales=AS_STATED)
     pair = together(r, covariance, drift, late)
     dearer = log_prior(1, len(single)) - log_prior(2, len(single))
@@ -257,7 +261,7 @@ def test_two_effects_at_once(world):
 def test_one_effect_is_not_taken_for_two(world):
     covariance, candidates = world
     drift = next(c for c in candidates if c.name == "force_drift")
-    r = drift.columns @ [0.06, -0.06, 0.06] + covariance.draw(RNG(13), 1)[:, 0]
+    r = drift.columns @ [0.06, -0.06, 0.06] + draws_of(covariance, RNG(13), 1)[:, 0]
     single = screened(r, covariance, candidates, scales=AS_STATED)
     dearer = log_prior(1, len(single)) - log_prior(2, len(single))
     for other in candidates:
@@ -269,14 +273,14 @@ def test_one_effect_is_not_taken_for_two(world):
 def test_an_effect_that_changes_nothing_is_neither_proved_nor_refuted(world):
     covariance, _ = world
     nothing = Candidate("nothing", {}, np.zeros((len(covariance), 1)), np.ones(1), np.zeros(1, int))
-    assert screened(covariance.draw(RNG(14), 1)[:, 0], covariance, [nothing])[0].log_bayes_factor == 0
+    assert screened(draws_of(covariance, RNG(14), 1)[:, 0], covariance, [nothing])[0].log_bayes_factor == 0
 
 
 def test_scales_of_plausible_amounts_are_averaged(world):
     """A small amount is met by a small scale, and one effect is no likelier for having several."""
     covariance, candidates = world
     drift = candidates[4]
-    r = drift.columns @ (0.02 * np.ones(3)) + covariance.draw(RNG(16), 1)[:, 0]
+    r = drift.columns @ (0.02 * np.ones(3)) + draws_of(covariance, RNG(16), 1)[:, 0]
     judged = screened(r, covariance, [drift])[0]
     alone = [screened(r, covariance, [drift], scales=(scale,))[0] for scale in SCALES]
     factors = np.array([one.log_bayes_factor for one in alone])
@@ -291,7 +295,7 @@ def test_a_change_that_errs_itself_is_judged_with_its_error(world):
     """ln N(r; 0, C + E E' + J W^2 J')."""
     covariance, candidates = world
     drift = candidates[4]
-    r = drift.columns @ [0.04, 0.0, -0.05] + covariance.draw(RNG(17), 1)[:, 0]
+    r = drift.columns @ [0.04, 0.0, -0.05] + draws_of(covariance, RNG(17), 1)[:, 0]
     judged = screened(r, covariance, [drift], scales=AS_STATED)[0]
     wider = covariance.extended(0.2 * judged.change[:, None])
     wanted = wider.extended(drift.columns * drift.prior_sd).log_density(r)
@@ -305,7 +309,7 @@ def test_a_switch_and_an_amount_together(world):
     covariance, candidates = world
     binary, drift = candidates[-1], candidates[4]
     d = binary.columns[:, 0]
-    r = d + drift.columns @ [0.04, 0.0, -0.05] + covariance.draw(RNG(15), 1)[:, 0]
+    r = d + drift.columns @ [0.04, 0.0, -0.05] + draws_of(covariance, RNG(15), 1)[:, 0]
     wanted = covariance.extended(drift.columns * drift.prior_sd).log_density(r - d) - covariance.log_density(
         r
     )

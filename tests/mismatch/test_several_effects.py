@@ -6,6 +6,7 @@ import artificial
 import numpy as np
 import pytest
 from artificial_problem import SETTINGS, problem_of
+from artificial_readings import draws_of
 from numpy.testing import assert_allclose
 
 from gelforge.mismatch.evidence.kernels import kernels_of
@@ -23,10 +24,10 @@ def patterned(patterns, change, truth):
     """
     problem = problem_of(artificial.context(25, per_side=3))
     rng, n = np.random.default_rng(26), len(problem.labels)
-    noise = problem.covariance.draw(rng, 1)[:, 0]
+    noise = draws_of(problem.covariance, rng, 1)[:, 0]
     covariance = problem.covariance
     # columns W^-1 q of orthonormal q, by least squares in the span of random draws of the covariance
-    draws = covariance.draw(rng, max(map(len, patterns.values())))
+    draws = draws_of(covariance, rng, max(map(len, patterns.values())))
     Q, R = np.linalg.qr(covariance.whiten(draws))
     basis = 100 * draws @ np.linalg.inv(R)
     assert_allclose(covariance.whiten(basis), 100 * Q, atol=1e-6)
@@ -37,9 +38,9 @@ def patterned(patterns, change, truth):
     ]
     solved = []
 
-    def forces_with(parts, amounts, rows):
-        solved.append(tuple(part.name for part in parts))
-        along = change({part.name: float(a[0]) for part, a in zip(parts, amounts)})
+    def forces_with(terms, rows):
+        solved.append(tuple(part.name for part, _ in terms))
+        along = change({part.name: float(a[0]) for part, a in terms})
         found = np.full(problem.base.shape, np.nan)
         found[problem.observations.read] = problem.base[problem.observations.read] + basis @ along
         found[~rows] = np.nan
@@ -96,7 +97,7 @@ def test_what_is_solved_in_order_is_solved_at_the_end_of_a_fit_and_for_the_answe
     patterns = {"mullins": [1, 0, 0], "wall_stiffness": [0, 1, 0], "skin_stiffness": [0, 0, 1]}
     problem, solved = patterned(patterns, linear(patterns), [0.2, 0.2, 0.0])
     found = judge(problem, SETTINGS, seed=1).answer
-    assert found.winner.effects == {"mullins", "wall_stiffness"}
+    assert found.fit.effects == {"mullins", "wall_stiffness"}
     assert sum("mullins" in names and len(names) > 1 for names in solved) == 2
     amounts = dict(zip((part.name for part in found.fit.parts), found.fit.amounts))
     assert amounts["mullins"] == pytest.approx(0.2, abs=0.03)  # its noise is 0.01

@@ -14,7 +14,7 @@ from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of
 from gelforge.mismatch.pipeline.experiments import planned_observations
-from gelforge.mismatch.thresholds import ALIKE
+from gelforge.mismatch.thresholds import INDISTINGUISHABLE
 
 PLAN = {"grid": {"spacing_mm": 1.5, "margin_mm": 5.0}, "depths_mm": [0.6, 1.2]}
 NAMES = (
@@ -61,7 +61,7 @@ def cosines_of(base, *effects, context=None):
     context = base.context if context is None else context
     named = [(one, {}) if isinstance(one, str) else one for one in effects]
     changes = [columns_of(context, CATALOGUE[name], shape)[:, -1] for name, shape in named]
-    covariance = readings_covariance(context, base.law, base.floor, base.alike)
+    covariance = readings_covariance(context, base.law, base.floor, base.solution)
     white = covariance.whiten(np.column_stack(changes))
     white = white / np.linalg.norm(white, axis=0)
     return white.T @ white
@@ -71,8 +71,8 @@ def cosines_of(base, *effects, context=None):
 def test_what_scales_all_forces_is_alike(base):
     """Modulus, gain, and relaxation of any time where presses are read at one dwell; the ball's radius nearly."""
     relaxing = [("viscoelastic", shape) for shape in CATALOGUE["viscoelastic"].shapes(base.context)]
-    alike = cosines_of(base, "gel_stiffness", "force_gain", *relaxing)[0]
-    assert len(alike) > 10 and alike.min() > ALIKE
+    cosines = cosines_of(base, "gel_stiffness", "force_gain", *relaxing)[0]
+    assert len(cosines) > 10 and cosines.min() > INDISTINGUISHABLE
     # 0.94 on a mesh of 0.7 mm, above 0.95 by the design: a ball's radius has ripples where nodes are 1 mm apart
     assert cosines_of(base, "gel_stiffness", "indenter_radius")[0, 1] > 0.85
 
@@ -80,7 +80,7 @@ def test_what_scales_all_forces_is_alike(base):
 def test_what_bends_the_curve_is_alike(base):
     """A spring, compressibility and a stiffening law change the share of the deep readings alike, whatever their signs."""
     found = cosines_of(base, "frame_compliance", "compressibility", "law_exponent")
-    assert np.abs(found).min() > ALIKE
+    assert np.abs(found).min() > INDISTINGUISHABLE
 
 
 def path_dependent(base, presses, axes):
@@ -97,7 +97,7 @@ def path_dependent(base, presses, axes):
     context = replace(
         base.context, observations=observations, force=base.context.force[presses], at_readings=known
     )
-    own = {name: getattr(base, name)[presses] for name in ("law", "floor", "alike")}
+    own = {name: getattr(base, name)[presses] for name in ("law", "floor", "solution")}
     return replace(base, context=context, **own)
 
 

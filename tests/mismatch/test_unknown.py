@@ -115,7 +115,7 @@ def test_what_differs_from_press_to_press_has_no_name_and_its_manner_is_reported
     problem, found = judged(displaced())
     assert found.state in ("unexplained",)
     assert found.posterior.holding([UNKNOWN]) > 0.9
-    assert "from one indentation to the next" in found.answer.discrepancy_words
+    assert "from one indentation to the next" in found.posterior.discrepancy_words
     assert len(sentence_of(problem, found).split()) <= 25
 
 

@@ -108,11 +108,11 @@ def test_a_switch_puts_our_cells_in_the_curve_s_place(paper):
     problem, every = paper.problem, np.ones(16, bool)
     by_name = {candidate.name: candidate for candidate in problem.candidates}
     for name in FINITE:
-        cells = problem.forces_with([by_name[name]], [np.ones(1)], every)[:, 2]
+        cells = problem.forces_with([(by_name[name], np.ones(1))], every)[:, 2]
         # solved twice, each to 1e-6 of the force
         assert_allclose(problem.base[:, 2] + by_name[name].columns[:, 0], cells, rtol=1e-5)
     once, twice = (
-        problem.forces_with([by_name["force_gain"]], [np.array([0, 0, g])], every) for g in (0.1, 0.2)
+        problem.forces_with([(by_name["force_gain"], np.array([0, 0, g]))], every) for g in (0.1, 0.2)
     )
     assert_allclose((twice - problem.base)[:, 2], 2 * (once - problem.base)[:, 2])
 

@@ -36,8 +36,9 @@ from gelforge.mismatch.pipeline.experiments import with_experiments
 from gelforge.mismatch.pipeline.stage import solver_of, write_results
 from gelforge.mismatch.readings.errors import CONTACT_POINT_MM
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
-from gelforge.mismatch.result.verdict import SURE, Provenance, Verdict, versions
+from gelforge.mismatch.result.verdict import Provenance, Verdict, versions
 from gelforge.mismatch.summary.findings import group_entries, verdict_of
+from gelforge.mismatch.thresholds import SURE
 from gelforge.progress import show, tracked
 from gelforge.report.mismatch_page import write_mismatch_page
 
@@ -125,14 +126,14 @@ def problem_of_case(
     failed = dict(base.failed)
     candidates = candidates_of(base.context, effects, failed)
 
-    def forces(parts, amounts, rows):
-        chosen = [(effects[part.name], part.shape, a) for part, a in zip(parts, amounts)]
+    def forces(terms, rows):
+        chosen = [(effects[part.name], part.shape, a) for part, a in terms]
         found = forces_with(solver, own, chosen, rows)
         replaced = any(effect.binary and np.any(a) for effect, _, a in chosen)
         return found if replaced else found + base.context.force - own.context.force
 
     floor = base.floor if case.column is None else CURVE_ERROR * base.context.force
-    covariance = readings_covariance(base.context, base.law, floor, base.alike)
+    covariance = readings_covariance(base.context, base.law, floor, base.solution)
     problem = Problem(
         observations, base.context.force, covariance, candidates, effects, forces, failed,
         solver.study.mismatch.change_error, [one for one in changes_of(base.context) if one.name == BOX.name],
@@ -196,7 +197,7 @@ def judge_case(
     )
     verdict = verdict_of(problem, judgement, case.title, False, solver.study.sensor, provenance)
     verdict = with_experiments(verdict, problem, context)
-    verdict = write_results(out / case.name, verdict, (problem, judgement))
+    verdict = write_results(out / case.name, verdict, problem, judgement)
     return verdict, pd.DataFrame(rows, columns=["base", "sigma_z_N", "state", "answer", "probability", "p"])
 
 

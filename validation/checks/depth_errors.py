@@ -25,7 +25,7 @@ from gelforge.mismatch.inference.posterior import chance_of_known
 from gelforge.mismatch.inference.scan import residual_tests
 from gelforge.mismatch.model.effect import Context
 from gelforge.mismatch.pipeline.stage import solver_of
-from gelforge.mismatch.result.verdict import ALARM_P
+from gelforge.mismatch.thresholds import ALARM_P
 from validation.draw import base_world
 from validation.library import Library, load_library
 from validation.presses import timeline
@@ -57,7 +57,7 @@ def stating(problem: Problem, context: Context, base, press_mm: float, session_m
     """Return the problem with these standard deviations of the depth in its covariance."""
     seen, R = problem.observations, len(problem.observations.force)
     seen = replace(seen, press_depth_mm=np.full(R, press_mm), session_depth_mm=np.full(R, session_mm))
-    covariance = readings_covariance(replace(context, observations=seen), base.law, base.floor, base.alike)
+    covariance = readings_covariance(replace(context, observations=seen), base.law, base.floor, base.solution)
     return replace(problem, observations=seen, covariance=covariance)
 
 

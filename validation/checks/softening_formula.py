@@ -24,7 +24,7 @@ def rows_of(known: Known, amount: float) -> list[dict]:
     problem, found = known.problem, []
     observations, every = problem.observations, np.ones(len(problem.observations.table), bool)
     for candidate in (c for c in problem.candidates if c.name == "mullins"):
-        forces = problem.forces_with([candidate], [np.array([amount])], every)
+        forces = problem.forces_with([(candidate, np.array([amount]))], every)
         change = problem.covariance.whiten(observations.flat(forces - problem.base))
         formula = problem.covariance.whiten(candidate.columns[:, 0])
         best = float(formula @ change / (formula @ formula))

@@ -74,10 +74,8 @@ class Contact:
         """Return the push without adhesion [N], its slope and its curvature over the depth."""
         root = np.sqrt(d)
         first, second = (np.polyval(np.polyder(self.over_hertz, k), root) for k in (1, 2))
-        n, bend = (
-            1.5 + root * first / 2,
-            root * (first + root * second) / 4,
-        )  # d ln F / d ln d, and its slope there
+        # d ln F / d ln d, and its slope there
+        n, bend = 1.5 + root * first / 2, root * (first + root * second) / 4
         force = d**1.5 * np.exp(np.polyval(self.over_hertz, root))
         return force, force * n / d, force * (n * (n - 1) + bend) / d**2
 

@@ -23,12 +23,12 @@ def speed(context: Context, stamp: str) -> np.ndarray:
     seconds = (table["press_time_s"] - before["press_time_s"]).to_numpy(float)
     way = (table["depth_mm"] - before["depth_mm"]).to_numpy(float)
     moving = table["phase"].isin(["load", "unload"]).to_numpy() & (seconds > 0)
-    found = pd.Series(np.where(moving, way / np.where(moving, seconds, 1.0), 0.0), table.index)
+    speeds = pd.Series(np.where(moving, way / np.where(moving, seconds, 1.0), 0.0), table.index)
     if stamp == "late":
-        return found.to_numpy()
+        return speeds.to_numpy()
     following = table["phase"].groupby(press, sort=False).shift(-1)
-    after = found.groupby(press, sort=False).shift(-1).where(following == table["phase"], 0.0)
-    return after.where(following.notna() | (table["phase"] != "unload"), found).to_numpy()
+    after = speeds.groupby(press, sort=False).shift(-1).where(following == table["phase"], 0.0)
+    return after.where(following.notna() | (table["phase"] != "unload"), speeds).to_numpy()
 
 
 def shapes(context: Context) -> list[Shape]:

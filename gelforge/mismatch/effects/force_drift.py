@@ -12,8 +12,6 @@ SOURCE = (
     " bounds: seen by eye"
 )
 
-SETTLES_S = (120.0, 600.0)  # electronics, and a machine: minutes, and the better part of an hour (judgement)
-
 
 def hours(context: Context) -> np.ndarray:
     """Return the time (R,) [h] since zero: the session's first reading if it is tared, the indentation's touch if not."""
@@ -24,7 +22,8 @@ def hours(context: Context) -> np.ndarray:
 
 def shapes(context: Context) -> list[Shape]:
     """Return a drift that goes on evenly, and of a tared session one that settles, as what warms up does."""
-    settling = [{"settles_s": seconds} for seconds in SETTLES_S]
+    # electronics settle in minutes, a machine in the better part of an hour (judgement)
+    settling: list[Shape] = [{"settles_s": 120.0}, {"settles_s": 600.0}]
     return [{}, *settling] if context.observations.tared.any() else [{}]
 
 

@@ -14,12 +14,9 @@ from gelforge.mechanics.laws import softening
 from gelforge.mismatch.model.effect import Context, Shape
 from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
-# m over the largest energy density: a loss at the slightest return, and one in proportion
-SCALES = (0.1, 1.0)
 BETA = 0.1  # of the peak, added to m: how early a return loses stress (judgement)
 LARGEST = 0.95  # share of the stress
 WIDER = 0.1  # of the height: how far the energy reaches beyond the contact (validation/checks/softening_formula.py)
-RINGS, SPOKES = 6, 8  # of points about an indentation
 
 
 def shapes(context: Context) -> list[Shape]:
@@ -27,7 +24,8 @@ def shapes(context: Context) -> list[Shape]:
     deepest = context.observations.table.groupby("site")["deepest_mm"].max()
     energies = Energies(context)
     largest = max(float(energies.density(s, d, np.zeros(()))) for s, d in deepest.items())
-    return [{"m_kPa": float(f"{scale * largest:.2g}")} for scale in SCALES]
+    # a loss at the slightest return, and one in proportion
+    return [{"m_kPa": float(f"{scale * largest:.2g}")} for scale in (0.1, 1.0)]
 
 
 def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
@@ -109,10 +107,10 @@ class Energies:
         return middle / (1 + (r / b) ** 2) ** 2
 
 
-def _points() -> np.ndarray:
-    """Return points (RINGS x SPOKES, 2) [b] about an indentation that share its energy evenly."""
-    inside = (np.arange(RINGS) + 0.5) / RINGS  # share of the energy, (r / b)^2 / (1 + (r / b)^2)
-    r, angle = np.sqrt(inside / (1 - inside)), 2 * np.pi * np.arange(SPOKES) / SPOKES
+def _points(rings: int = 6, spokes: int = 8) -> np.ndarray:
+    """Return points (rings x spokes, 2) [b] about an indentation that share its energy evenly."""
+    inside = (np.arange(rings) + 0.5) / rings  # share of the energy, (r / b)^2 / (1 + (r / b)^2)
+    r, angle = np.sqrt(inside / (1 - inside)), 2 * np.pi * np.arange(spokes) / spokes
     return np.column_stack([np.outer(r, np.cos(angle)).ravel(), np.outer(r, np.sin(angle)).ravel()])
 
 

@@ -7,9 +7,6 @@ from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.mismatch.model.effect import Shape
 from gelforge.mismatch.model.solver_effects import solved
 
-# At which half of it is used up: an indentation of a soft gel has 5 to 50 kPa.
-PRESSURES_MPA = (1e-2, 3e-3, 3e-2)
-
 
 def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
     """Return the study with a thicker film, that of the shape's pressure."""
@@ -23,9 +20,10 @@ def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
 
 
 def films(study: Study) -> list[Shape]:
-    """Return films that are used up soon and late; of a base that has one, that one."""
+    """Return films half of which is used up soon and late; of a base that has one, that one."""
     film = study.mechanics.effects.contact.film
-    pressures = (film.pressure_MPa,) if film.thickness_mm else PRESSURES_MPA
+    # an indentation of a soft gel has 5 to 50 kPa
+    pressures = (film.pressure_MPa,) if film.thickness_mm else (1e-2, 3e-3, 3e-2)
     return [{"pressure_MPa": pressure} for pressure in pressures]
 
 

@@ -9,17 +9,18 @@ from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_
 from gelforge.mismatch.model.effect import Context, Shape
 from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
-SHORTEST_S = 0.1  # what relaxes faster has done so when an indentation arrives (judgement)
-LONGEST_OVER_PRESS = 10.0  # a time ten times the longest press acts as a stiffness: longer ones look alike
-STEPS = 6  # between two readings, so that a curved way is followed
 STIFFNESS = {"gel": "gel_stiffness", "skin": "skin_stiffness"}
 
 
 def shapes(context: Context) -> list[Shape]:
-    """Return relaxation times on a log grid, of the layers under the skin and of the skin."""
-    longest = max(float(context.observations.table["press_time_s"].max()), SHORTEST_S)
-    decades = np.log10(LONGEST_OVER_PRESS * longest / SHORTEST_S)
-    times = np.geomspace(SHORTEST_S, LONGEST_OVER_PRESS * longest, int(np.ceil(2 * decades)) + 1)
+    """Return relaxation times on a log grid, of the layers under the skin and of the skin.
+
+    What relaxes within 0.1 s has done so when an indentation arrives (judgement); ten times the longest one acts as a
+    stiffness.
+    """
+    shortest = 0.1
+    longest = 10.0 * max(float(context.observations.table["press_time_s"].max()), shortest)
+    times = np.geomspace(shortest, longest, int(np.ceil(2 * np.log10(longest / shortest))) + 1)
     parts = ["gel", "skin"] if len(context.study.sensor.layers) > 1 else ["gel"]
     return [{"part": part, "time_s": float(f"{t:.3g}")} for part in parts for t in times]
 
@@ -40,28 +41,27 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
     return force + a * overstress(context, STIFFNESS[str(shape["part"])], float(shape["time_s"]))
 
 
-def overstress(context: Context, stiffness: str, tau: float) -> np.ndarray:
+def overstress(context: Context, stiffness: str, tau: float, steps: int = 6) -> np.ndarray:
     r"""Return the force (R, 3) [N] per relative modulus: h(t) = int exp(-(t - s) / tau) dD(s), from touch on.
 
     D is the derivative of the force to a stiffness of the layers at the depth of the time s; between readings depth is
-    linear in time, and D within each of STEPS parts. Simo 1987 (doi 10.1016/0045-7825(87)90107-1), in forces.
+    linear in time, and D within each of `steps` parts. Simo 1987 (doi 10.1016/0045-7825(87)90107-1), in forces.
     """
     table = context.observations.table
     time, depth = table["press_time_s"].to_numpy(float), table["depth_mm"].to_numpy(float)
     site, h = table["site"].to_numpy(), np.zeros((len(table), 3))
     for rows in table.groupby("press", sort=False).indices.values():
         t = np.maximum.accumulate(np.concatenate([[0.0], time[rows]]))
-        fine = np.interp(np.arange(STEPS * len(rows) + 1) / STEPS, np.arange(len(t)), t)
-        d = np.interp(np.arange(STEPS * len(rows) + 1) / STEPS, np.arange(len(t)), np.r_[0.0, depth[rows]])
+        fine = np.interp(np.arange(steps * len(rows) + 1) / steps, np.arange(len(t)), t)
+        d = np.interp(np.arange(steps * len(rows) + 1) / steps, np.arange(len(t)), np.r_[0.0, depth[rows]])
         D = context.derivatives[stiffness].at(site[rows[0]], d)
         x = np.diff(fine) / tau
-        kept = np.where(
-            x > 1e-9, -np.expm1(-x) / np.where(x > 1e-9, x, 1.0), 1.0
-        )  # of an even rise, at its end
+        # of an even rise, at its end
+        kept = np.where(x > 1e-9, -np.expm1(-x) / np.where(x > 1e-9, x, 1.0), 1.0)
         end = t[1:, None] - fine[None, 1:]  # (rows, parts) since the end of each part
         fading = np.where(end >= 0, np.exp(-np.maximum(end, 0) / tau), 0.0)
         # Parts of no duration lie at the same time as the reading before them too; they belong to those after.
-        fading *= np.arange(len(d) - 1)[None, :] < STEPS * np.arange(1, len(t))[:, None]
+        fading *= np.arange(len(d) - 1)[None, :] < steps * np.arange(1, len(t))[:, None]
         h[rows] = fading @ (kept[:, None] * np.diff(D, axis=0))
     return h
 

@@ -42,7 +42,7 @@ def effects_of_forces(study: Study) -> dict[str, Effect]:
 
 def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[str, str]) -> list[Candidate]:
     """Return every effect at every shape as a linear change of what was read; what is not known goes to failed."""
-    found = []
+    candidates = []
     for name, effect in effects.items():
         for shape in effect.shapes(context):
             try:
@@ -53,8 +53,8 @@ def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[
                 continue
             if not np.any(columns):
                 continue
-            found.append(Candidate(name, shape, columns, effect.prior_sd, effect.signs, effect.binary))
-    return found
+            candidates.append(Candidate(name, shape, columns, effect.prior_sd, effect.signs, effect.binary))
+    return candidates
 
 
 def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:

@@ -29,10 +29,6 @@ class Estimated:
     repeats: np.ndarray  # (G,) degrees of freedom of the estimate; inf: known
     tails: np.ndarray  # (G,) variance of a squared draw over that of a normal one, 1 or more
 
-    def restricted(self, mask: np.ndarray) -> Estimated:
-        """Return the same of some entries."""
-        return replace(self, group=self.group[mask])
-
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
@@ -99,7 +95,7 @@ class Covariance:
                 replace(level, group=level.group[mask], directions=level.directions[mask])
                 for level in self.levels
             ),
-            self.estimated and self.estimated.restricted(mask),
+            self.estimated and replace(self.estimated, group=self.estimated.group[mask]),
         )
 
     def extended(self, directions: np.ndarray) -> Covariance:
@@ -110,22 +106,23 @@ class Covariance:
     def erring(self, directions: np.ndarray) -> Covariance:
         """Return C with errors along directions (n, q) of a standard deviation each, as a mesh errs.
 
-        Half of their variance is common to all, half is drawn for each group of the level before the last: readings alike.
+        Half of their variance is common to all, half is drawn for each group of the level before the last: readings of one
+        solution.
         """
         finer = self.levels[:-2]
         wider = [
             Draws(level.group, np.column_stack([level.directions, more.directions]))
             for level, more in zip(self.levels[-2:], self.erring_draws(directions))
         ]
-        found = replace(self, levels=(*finer, *wider))
-        object.__setattr__(found, "taken", tuple(self._finer_steps))
-        return found
+        wider_covariance = replace(self, levels=(*finer, *wider))
+        object.__setattr__(wider_covariance, "taken", tuple(self._finer_steps))
+        return wider_covariance
 
     def erring_draws(self, directions: np.ndarray) -> tuple[Draws, Draws]:
         """Return the draws that `erring` adds, (n, q) each."""
         half = directions / np.sqrt(2)
-        alike, common = self.levels[-2:]
-        return Draws(alike.group, half), Draws(common.group, half)
+        solved, common = self.levels[-2:]
+        return Draws(solved.group, half), Draws(common.group, half)
 
     def scattering(self, variance: np.ndarray) -> Covariance:
         """Return C with a further variance (n,) of what errs at each entry on its own."""
@@ -135,14 +132,6 @@ class Covariance:
         """Return the columns (n, k) of these errors, one standard normal draw each: `erring` adds their products to C."""
         draws = self.erring_draws(directions)
         return np.column_stack([_spread(one.group, one.directions).toarray() for one in draws])
-
-    def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
-        """Return draws (n, count) of N(0, C)."""
-        found = self._sd[:, None] * rng.standard_normal((len(self), count))
-        for level in self.levels:
-            U = _spread(level.group, level.directions)
-            found += U @ rng.standard_normal((U.shape[1], count))
-        return found
 
     @cached_property
     def _sd(self) -> np.ndarray:
@@ -158,10 +147,10 @@ class Covariance:
 
     def _further(self, steps: Sequence[_Step], levels: Sequence[Draws]) -> list[_Step]:
         """Return the steps by these levels, the first of which are known."""
-        found = list(steps)
-        for level in levels[len(found) :]:
-            found.append(_step(level.group, self._through(level.directions, found)))
-        return found
+        known = list(steps)
+        for level in levels[len(known) :]:
+            known.append(_step(level.group, self._through(level.directions, known)))
+        return known
 
     def _through(self, v: np.ndarray, steps: Sequence[_Step]) -> np.ndarray:
         x = v / (self._sd if v.ndim == 1 else self._sd[:, None])
@@ -208,7 +197,7 @@ def _spread(group: np.ndarray, directions: np.ndarray) -> sp.csr_array:
 
 
 def readings_covariance(
-    context: Context, law: np.ndarray, floor_N: np.ndarray, alike: np.ndarray | None = None
+    context: Context, law: np.ndarray, floor_N: np.ndarray, solution: np.ndarray | None = None
 ) -> Covariance:
     """Return the covariance of the n entries that were read, without any effect.
 
@@ -216,8 +205,8 @@ def readings_covariance(
     its drift since, one draw per axis each; the depth, one draw along the slope of the base. Per session: its contact point,
     one draw along that slope; the zero's trend, one draw per axis. Shared by all: law (R, 3, q) [N], one standard
     deviation of the base for each uncertain direction of the material fit. Of the base's discretisation, of standard
-    deviation floor_N (R, 3), half of the variance is common to all and half is drawn for readings alike (R,), those of
-    one indentation and its mirror images (none given: of one site).
+    deviation floor_N (R, 3), half of the variance is common to all and half is drawn for readings of one solution (R,): of
+    an indentation and its mirror images (none given: of one site).
     """
     observations = context.observations
     labels, flat = observations.labels(), observations.flat
@@ -234,10 +223,10 @@ def readings_covariance(
     trend = per_axis * flat(observations.trend_N)[:, None]
     of_sessions = np.column_stack([shared, *(trend[:, [k]] * session for k in range(3))])
     common = np.column_stack([flat(law), floor, of_sessions[:, of_sessions.any(axis=0)]])
-    alike = labels["site"] if alike is None else np.asarray(alike)[reading]
+    solved = labels["site"] if solution is None else np.asarray(solution)[reading]
     levels = [
         Draws(_numbered(labels["press"]), press),
-        Draws(_numbered(alike), floor),
+        Draws(_numbered(solved), floor),
         Draws(np.zeros(len(labels), dtype=int), common),
     ]
     rounding = flat(observations.rounding_N)

@@ -9,7 +9,6 @@ from scipy.special import gammaln, log_ndtr, logsumexp
 
 from gelforge.mismatch.thresholds import NULL_PRIOR
 
-FAR = -50.0  # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
 NOTHING: frozenset[str] = frozenset()
 UNKNOWN = "unknown"  # what no known effect explains: as likely, before the readings, as any one of them
 
@@ -45,23 +44,25 @@ def evidences(
     B = gram + np.eye(b.shape[1])
     cov = np.linalg.inv(B)
     mean = (cov @ b[:, :, None])[:, :, 0]
-    found = 0.5 * (b * mean).sum(axis=1) - 0.5 * np.linalg.slogdet(B)[1]
+    # standard deviations on the wrong side, from where phi / Phi is its asymptotic series to 1e-6
+    far = -50.0
+    log_evidence = 0.5 * (b * mean).sum(axis=1) - 0.5 * np.linalg.slogdet(B)[1]
     for i in np.flatnonzero(signs.any(axis=0)).tolist():
         signed = signs[:, i] != 0
         sd = np.sqrt(cov[:, i, i])
         h = np.where(signed, signs[:, i], 1.0) * mean[:, i] / sd
         share = log_ndtr(h)
-        near = np.maximum(h, FAR)
+        near = np.maximum(h, far)
         ratio = np.exp(-0.5 * near**2 - 0.5 * np.log(2 * np.pi) - log_ndtr(near))  # phi(h) / Phi(h)
         left = 1 - ratio * (near + ratio)  # of the variance
-        ratio = np.where(h > FAR, ratio, -h - 1 / np.minimum(h, FAR))
-        left = np.where(h > FAR, left, 1 / np.minimum(h, FAR) ** 2)
-        found += np.where(signed, share + np.log(2), 0.0)
+        ratio = np.where(h > far, ratio, -h - 1 / np.minimum(h, far))
+        left = np.where(h > far, left, 1 / np.minimum(h, far) ** 2)
+        log_evidence += np.where(signed, share + np.log(2), 0.0)
         gain = cov[:, :, i] / cov[:, i, i][:, None]
         mean = mean + np.where(signed, ratio * sd * signs[:, i], 0.0)[:, None] * gain
         less = np.where(signed, (1 - left) * cov[:, i, i], 0.0)
         cov = cov - less[:, None, None] * gain[:, :, None] * gain[:, None, :]
-    return found, mean, cov
+    return log_evidence, mean, cov
 
 
 def log_prior(effects: int, known: int) -> float:

@@ -12,7 +12,7 @@ from scipy.spatial.distance import squareform
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.screen import Candidate, Screened
 from gelforge.mismatch.result.verdict import Experiment
-from gelforge.mismatch.thresholds import ALIKE, DETECTED_SNR
+from gelforge.mismatch.thresholds import DETECTED_SNR, INDISTINGUISHABLE
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Plan:
 
 
 def indistinguishable(covariance: Covariance, singles: Mapping[str, Screened]) -> dict[str, frozenset[str]]:
-    """Return the line of each effect: effects whose sensitivities correlate by ALIKE or more, all with each other.
+    """Return the line of each effect: effects whose sensitivities cannot be distinguished, all of each other.
 
     Of effects with one parameter readings play no part: a plan knows their lines before any of them. The covariance holds
     the nuisance parameters. Lines are clusters of complete linkage.
@@ -57,7 +57,9 @@ def indistinguishable(covariance: Covariance, singles: Mapping[str, Screened]) -
         covariance.whiten(np.column_stack(changes)), [covariance.whiten(own) for own in columns]
     )
     line = fcluster(
-        linkage(squareform(1 - correlation, checks=False), "complete"), 1 - ALIKE, criterion="distance"
+        linkage(squareform(1 - correlation, checks=False), "complete"),
+        1 - INDISTINGUISHABLE,
+        criterion="distance",
     )
     return {name: frozenset(np.array(names)[line == own].tolist()) for name, own in zip(names, line)}
 
@@ -84,15 +86,15 @@ def detection_limits(
 
     That is the value whose change has an SNR of DETECTED_SNR; infinite where the readings do not change.
     """
-    found: dict[tuple[str, int], tuple[float, Candidate, int, float]] = {}
+    limits: dict[tuple[str, int], tuple[float, Candidate, int, float]] = {}
     for candidate in candidates:
         norms = np.linalg.norm(covariance.whiten(candidate.columns), axis=0)
         for k, norm in enumerate(norms):
             amount = float(DETECTED_SNR / norm) if norm > 0 else np.inf
             share = amount / (1.0 if candidate.binary else float(candidate.prior_sd[k]))
-            if (key := (candidate.name, k)) not in found or share < found[key][0]:
-                found[key] = share, candidate, k, amount
-    return [(candidate, k, amount) for _, candidate, k, amount in found.values()]
+            if (key := (candidate.name, k)) not in limits or share < limits[key][0]:
+                limits[key] = share, candidate, k, amount
+    return [(candidate, k, amount) for _, candidate, k, amount in limits.values()]
 
 
 def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
@@ -117,7 +119,7 @@ def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
 
 def next_experiment(plans: Sequence[Plan], first: Screened, second: Screened) -> list[Experiment]:
     """Return the plans, the one to make first: the cheapest that is expected to decide, else the most informative one."""
-    separates, found = [first.name, second.name], []
+    separates, ranked = [first.name, second.name], []
     for plan in plans:
         odds = expected_log_odds(plan, first, second)
         one = Experiment(
@@ -127,8 +129,8 @@ def next_experiment(plans: Sequence[Plan], first: Screened, second: Screened) ->
             cost_s=60 * plan.cost,
             expected_log_odds=odds,
         )
-        found.append(((not one.decides, plan.cost if one.decides else -odds, -odds), one))
-    return [one for _, one in sorted(found, key=lambda both: both[0])]
+        ranked.append(((not one.decides, plan.cost if one.decides else -odds, -odds), one))
+    return [one for _, one in sorted(ranked, key=lambda both: both[0])]
 
 
 def _divergence(m: np.ndarray, S: np.ndarray, m0: np.ndarray, S0: np.ndarray) -> float:

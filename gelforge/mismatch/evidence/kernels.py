@@ -66,9 +66,9 @@ class Kernel:
         """Return the covariance of n entries with this kernel at a scale of its plausible size."""
         if self.groups is None:
             return covariance.extended(scale * self.directions)
-        *finer, alike, common = covariance.levels  # presses lie in the groups of the last two
-        group = np.where(self.groups < 0, self.groups.max() + 1 + alike.group, self.groups)
-        return replace(covariance, levels=(*finer, Draws(group, scale * self.directions), alike, common))
+        *finer, solved, common = covariance.levels  # presses lie in the groups of the last two
+        group = np.where(self.groups < 0, self.groups.max() + 1 + solved.group, self.groups)
+        return replace(covariance, levels=(*finer, Draws(group, scale * self.directions), solved, common))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -148,10 +148,10 @@ def weighed_unknown(problem: Problem, kernels: Sequence[Kernel], judged: Screene
     parts: tuple[Candidate, ...] = ()
     if judged is not None:
         parts = judged.parts
-        covariance = problem.with_model_error(parts, judged.amounts).covariance
+        covariance = problem.with_model_error(judged.terms).covariance
     r, white = covariance.whiten(residual), whitened(covariance, parts)
     alone = judged_by(r, parts, white).log_bayes_factor if parts else 0.0
-    without, found = covariance.log_density(residual) + alone, {}
+    without, by_kernel = covariance.log_density(residual) + alone, {}
     for kernel in kernels:
         if kernel.groups is None:
             directions, q = covariance.whiten(kernel.directions), kernel.directions.shape[1]
@@ -162,8 +162,8 @@ def weighed_unknown(problem: Problem, kernels: Sequence[Kernel], judged: Screene
         else:
             wider = [kernel.beside(covariance, scale) for scale in SCALES]
             factors = [log_evidence(one, residual, parts) - without for one in wider]
-        found[kernel.words] = float(logsumexp(factors) - np.log(len(factors)))
-    return Weighed(kernels, found)
+        by_kernel[kernel.words] = float(logsumexp(factors) - np.log(len(factors)))
+    return Weighed(kernels, by_kernel)
 
 
 def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
@@ -175,7 +175,7 @@ def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
 
 def kernels_of(problem: Problem) -> list[Kernel]:
     """Return the kernels in which these readings may differ, physics with a free form among them; flow is not."""
-    labels, of_force, found = problem.labels, problem.of_force, []
+    labels, of_force, kernels = problem.labels, problem.of_force, []
     axis, named = labels["axis"].to_numpy(), {module.replaces for module in problem.modules}
     own = np.where(of_force, problem.observations.flat(problem.base), 0.0)
     pressing = np.where(of_force, np.abs(problem.base[labels["reading"], 2]), 0.0)
@@ -189,12 +189,12 @@ def kernels_of(problem: Problem) -> list[Kernel]:
                 directions = np.column_stack([(size * (axis == k))[:, None] * profile for k in axes])
             if np.any(directions) and f"{name} {over}" not in named:
                 groups, of_labels = press if each else None, over in ("with depth", "from place to place")
-                found.append(Kernel(f"{name} {over}", PLAUSIBLE * directions, groups, (), of_labels))
+                kernels.append(Kernel(f"{name} {over}", PLAUSIBLE * directions, groups, (), of_labels))
     for module in problem.modules:  # forces are the first entries; the flow of images it does not change
         directions = np.zeros((len(labels), module.directions.shape[1]))
         directions[: len(module.directions)] = module.directions
-        found.append(replace(module, directions=directions))
-    return found
+        kernels.append(replace(module, directions=directions))
+    return kernels
 
 
 def _profiles(labels: pd.DataFrame) -> Iterator[tuple[str, np.ndarray, bool, bool]]:
@@ -228,8 +228,8 @@ def of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     for name in np.unique(group):
         here = group == name
         own = np.zeros((len(values), count))
-        found = modes(values[here], count)
-        own[here, : found.shape[1]] = found
+        cosines = modes(values[here], count)
+        own[here, : cosines.shape[1]] = cosines
         columns.append(own)
     return np.column_stack(columns)
 
@@ -244,8 +244,8 @@ def modes(values: np.ndarray, count: int) -> np.ndarray:
         return np.ones((len(values), 1))
     k = np.arange(count)
     size = 1 / (1 + k**2 / 2)
-    found = np.cos(np.pi * (values - low)[:, None] / (high - low) * k) * size
-    return found / np.sqrt(np.sum(size**2 * np.where(k, 0.5, 1.0)))
+    cosines = np.cos(np.pi * (values - low)[:, None] / (high - low) * k) * size
+    return cosines / np.sqrt(np.sum(size**2 * np.where(k, 0.5, 1.0)))
 
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:

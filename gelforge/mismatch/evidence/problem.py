@@ -11,16 +11,16 @@ import numpy as np
 import pandas as pd
 
 from gelforge.mismatch.evidence.covariance import Covariance, slowly
-from gelforge.mismatch.evidence.screen import Candidate, Slope, next_to, slopes, split
+from gelforge.mismatch.evidence.screen import Candidate, Slope, Term, next_to, slopes
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.thresholds import PLACE_ERROR, SCATTERED, SEEN_ERROR
 
-# Forces (R, 3) [N] at readings (R,) bool with effects at amounts, nan elsewhere; raises NotConverged.
-ForcesWith = Callable[[Sequence[Candidate], Sequence[np.ndarray], np.ndarray], np.ndarray]
+# Forces (R, 3) [N] at readings (R,) bool with effects at their values, nan elsewhere; raises NotConverged.
+ForcesWith = Callable[[Sequence[Term], np.ndarray], np.ndarray]
 
 
-def never_solved(parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
+def never_solved(terms: Sequence[Term], rows: np.ndarray) -> np.ndarray:
     """The `forces_with` of a problem that is judged by its columns alone."""
     raise NotImplementedError("this problem has columns only; give it forces_with to fit amounts")
 
@@ -28,9 +28,9 @@ def never_solved(parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows
 def at_first_order(problem: Problem) -> ForcesWith:
     """Return the `forces_with` of a problem by its own linear changes."""
 
-    def forces(parts, amounts, rows):
+    def forces(terms: Sequence[Term], rows: np.ndarray) -> np.ndarray:
         shown = rows[:, None] & problem.observations.read
-        return np.where(shown, problem.base + problem.linear_change(parts, amounts), np.nan)
+        return np.where(shown, problem.base + problem.linear_change(terms), np.nan)
 
     return forces
 
@@ -49,9 +49,8 @@ class Problem:
     # By which a change that is solved errs, a share of it; 0: no change errs, by form neither
     change_error: float = 0.0
     boxes: Sequence[Candidate] = ()  # linear changes by the modulus of boxes of the body, for its map alone
-    modules: Sequence[
-        Any
-    ] = ()  # kernels.Module: physics with a free form, its changes of the entries of force
+    # kernels.Module: physics with a free form, its changes of the entries of force
+    modules: Sequence[Any] = ()
     # Forces (R, 3) [N] of effects that are not solved, on the base and a change (R, 3) of it; None: not known apart.
     read_with: ForcesWith | None = None
     flow: Any = None  # flow.FlowChannel where images are judged with the forces
@@ -70,6 +69,11 @@ class Problem:
         )
 
     @property
+    def in_newtons(self) -> Problem:
+        """Return the problem of the readings of force alone, which come first."""
+        return self if self.flow is None else self.flow.forces
+
+    @property
     def residual(self) -> np.ndarray:
         """Return measured less base (n,)."""
         return self.observations.flat(self.observations.force - self.base)
@@ -83,20 +87,20 @@ class Problem:
         """Return the effect of a part, or of whatever has its name and shape."""
         return self.effects[part.name]
 
-    def with_model_error(self, parts: Sequence[Candidate], amounts: np.ndarray) -> Problem:
-        """Return the problem with the errors of effects' own change at amounts (p,) in its covariance.
+    def with_model_error(self, terms: Sequence[Term]) -> Problem:
+        """Return the problem with the errors of effects' own change in its covariance.
 
         Those that entries share, and what errs at each entry of the flow on its own.
         """
-        errors, covariance = self.errors_of(parts, amounts), self.covariance
-        if self.flow is not None and any(map(self.error_of, parts)):
-            change = np.column_stack([part.columns for part in parts]) @ amounts
+        errors, covariance = self.errors_of(terms), self.covariance
+        if self.flow is not None and any(self.error_of(part) for part, _ in terms):
+            change = sum(part.columns @ a for part, a in terms)
             scattered = np.where(self.labels["channel"] == "flow", SCATTERED * change, 0.0) ** 2
             covariance = covariance.scattering(scattered)
         return replace(self, covariance=covariance.erring(errors)) if errors.size else self
 
-    def errors_of(self, parts: Sequence[Candidate], amounts: np.ndarray) -> np.ndarray:
-        """Return the directions (n, q) in which a change by effects at amounts (p,) errs, a standard deviation each.
+    def errors_of(self, terms: Sequence[Term]) -> np.ndarray:
+        """Return the directions (n, q) in which a change by effects errs, a standard deviation each.
 
         What is solved errs by its mesh, and all by form, pressing and sideways forces (and each channel) on their own, as a
         share of the change: one for all depths and one that varies slowly with depth; in images, with the distance from the
@@ -105,13 +109,13 @@ class Problem:
         in_images = self.flow is not None and bool(self.change_error)
         least = np.where(self.labels["channel"] == "flow", SEEN_ERROR, 0.0) if in_images else 0.0
         errors = [np.zeros((len(self.labels), 0))]
-        for part, own in zip(parts, split(parts, amounts)):
-            change = np.maximum(self.error_of(part), least) * (part.columns @ own)
+        for part, a in terms:
+            change = np.maximum(self.error_of(part), least) * (part.columns @ a)
             if np.any(change):
                 errors.append(change[:, None] * self._errs)
                 if "x_mm" in part.shape and part.moved_from is None and self.error_of(part):
                     others = next_to(part, self.places_of(part))
-                    errors += [PLACE_ERROR * (other.columns - part.columns) @ own for other in others]
+                    errors += [PLACE_ERROR * (other.columns - part.columns) @ a for other in others]
         return np.column_stack(errors)
 
     @cached_property
@@ -146,29 +150,28 @@ class Problem:
         return self.effects[part.name].solved
 
     def with_changes(self, which: Callable[[Candidate], bool], change_of: ForcesWith) -> Problem:
-        """Return the problem in which the change (R, 3) [N] by some parts is a function of these, their amounts and rows.
+        """Return the problem in which the change (R, 3) [N] by some parts is a function of these and of the rows.
 
         Other parts act on the forces that result: what reads them does so exactly, the rest by linear changes.
         """
 
-        def forces_with(parts, amounts, rows):
-            chosen = [(part, a) for part, a in zip(parts, amounts) if which(part)]
-            others = [(part, a) for part, a in zip(parts, amounts) if not which(part)]
+        def forces_with(terms: Sequence[Term], rows: np.ndarray) -> np.ndarray:
+            chosen = [term for term in terms if which(term[0])]
+            others = [term for term in terms if not which(term[0])]
             if not chosen:
-                return self.forces_with(parts, amounts, rows)
-            change = change_of([part for part, _ in chosen], [a for _, a in chosen], rows)
-            rest, values = [part for part, _ in others], [a for _, a in others]
+                return self.forces_with(terms, rows)
+            change = change_of(chosen, rows)
             if self.read_with is None:
-                forces = self.base + change + self.linear_change(rest, values)
+                forces = self.base + change + self.linear_change(others)
             else:
-                forces = self.read_with(rest, values, change)
+                forces = self.read_with(others, change)
             return np.where(rows[:, None], forces, np.nan)
 
         return replace(self, forces_with=forces_with)
 
     def linearised(self) -> Problem:
         """Return the problem with what is solved changing by its columns; what costs nothing acts as it does."""
-        return self.with_changes(self.solves, lambda parts, amounts, rows: self.linear_change(parts, amounts))
+        return self.with_changes(self.solves, lambda terms, rows: self.linear_change(terms))
 
     def with_linear_history(self) -> Problem:
         """Return the problem with forces that take what is solved in order (softening) for linear.
@@ -176,14 +179,10 @@ class Problem:
         To follow all indentations anew at every value takes minutes: a fit does so once, about its end.
         """
 
-        def forces_with(parts, amounts, rows):
-            slow = [self.effects[part.name].path_dependent for part in parts]
-            others = [(part, a) for part, a, is_slow in zip(parts, amounts, slow) if not is_slow]
-            forces = self.forces_with([part for part, _ in others], [a for _, a in others], rows)
-            if any(slow):
-                kept = [(part, a) for part, a, is_slow in zip(parts, amounts, slow) if is_slow]
-                forces = forces + self.linear_change([part for part, _ in kept], [a for _, a in kept])
-            return forces
+        def forces_with(terms: Sequence[Term], rows: np.ndarray) -> np.ndarray:
+            slow = [term for term in terms if self.path_dependent([term[0]])]
+            forces = self.forces_with([term for term in terms if not self.path_dependent([term[0]])], rows)
+            return forces + self.linear_change(slow) if slow else forces
 
         return replace(self, forces_with=forces_with)
 
@@ -215,12 +214,10 @@ class Problem:
         """Return a part with the problem's columns of all entries at the part's own place."""
         return replace(part, columns=self.columns_at(part))
 
-    def linear_change(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
+    def linear_change(self, terms: Sequence[Term]) -> np.ndarray:
         """Return the change (R, 3) [N] of the readings by parts at their places, to first order; 0 where none was read."""
         change = np.zeros_like(self.base)
-        change[self.observations.read] = sum(
-            self.columns_at(part) @ np.asarray(a) for part, a in zip(parts, amounts)
-        )
+        change[self.observations.read] = sum(self.columns_at(part) @ np.asarray(a) for part, a in terms)
         return change
 
 

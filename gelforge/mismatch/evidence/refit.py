@@ -12,14 +12,12 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidence
 from gelforge.mismatch.evidence.problem import Problem, secant
-from gelforge.mismatch.evidence.screen import Candidate, Screened, displaced, split
+from gelforge.mismatch.evidence.screen import Candidate, Screened, Term, displaced, terms_of
+from gelforge.mismatch.model.effect import ON_BOUND
+from gelforge.mismatch.thresholds import OBSERVABLE_SNR
 
-MOST_STEPS = 16  # of a fit; where a place is fitted each costs a solution
-# Of a place, whose columns are secants: gains of the cost (some 1,000) below a seventh of a standard deviation, and steps
-# below a hundredth of where it is from the start, are not waited for.
-OF_PLACE = {"ftol": 1e-5, "xtol": 1e-2}
-SEEN_SNR = 0.5  # of a way half to the next place: what the readings see less of is not fitted
-INSIDE = 1e-3  # of a bound's distance from zero that values keep from it, where it is not physical itself
+# Of a bound's distance from zero that values keep from it, where it is not physical itself.
+INSIDE = ON_BOUND / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +36,16 @@ class Refitted:
     @property
     def name(self) -> str:
         return " + ".join(part.name for part in self.parts)
+
+    @property
+    def terms(self) -> list[Term]:
+        """Return each part with its values."""
+        return list(zip(self.parts, self.amounts))
+
+    @property
+    def effects(self) -> frozenset[str]:
+        """Return the names of its effects, whatever their order."""
+        return frozenset(part.name for part in self.parts)
 
     @property
     def covariance(self) -> np.ndarray:
@@ -95,14 +103,17 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
 
     converged = True
     if free.any():
-        limits = OF_PLACE if variables.moves and solved else {}
-        fit = least_squares(misfit, first, slope, (low, high), "dogbox", max_nfev=MOST_STEPS, **limits)
+        # Of a place, whose columns are secants: gains of the cost (some 1,000) below a seventh of a standard deviation, and
+        # steps below a hundredth of where it is from the start, are not waited for; each costs a solution.
+        limits = {"ftol": 1e-5, "xtol": 1e-2} if variables.moves and solved else {}
+        fit = least_squares(misfit, first, slope, (low, high), "dogbox", max_nfev=16, **limits)
         converged, at = fit.status > 0, with_free(fit.x)
     left = residual - changes[at.tobytes()]
     factor, spread = _evidence(left, variables, J, at)
     against = -problem.covariance.restricted(mask).log_density(residual)
     against += start.log_bayes_factor - start.best_log_bayes_factor
-    return Refitted(*variables.split(at), J, spread, prior_sd, factor + against, converged)
+    parts, amounts = zip(*variables.terms(at))
+    return Refitted(parts, amounts, J, spread, prior_sd, factor + against, converged)
 
 
 def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Variables) -> np.ndarray:
@@ -203,24 +214,22 @@ class Variables:
         every = [part.columns for part in self.start.parts] + [move.slope[:, None] for move in self.moves]
         return np.column_stack(every)[self.mask]
 
-    def split(self, a: np.ndarray) -> tuple[tuple[Candidate, ...], tuple[np.ndarray, ...]]:
+    def terms(self, a: np.ndarray) -> list[Term]:
         """Return the parts at their places, with their linear change there, and the values of each."""
         parts = list(self.start.parts)
         for k in {move.part for move in self.moves}:
             by = {move.axis: x for move, x in zip(self.moves, a[self.amounts :]) if move.part == k}
             parts[k] = self.problem.at_its_place(displaced(parts[k], by))
-        return tuple(parts), tuple(split(parts, a[: self.amounts]))
+        return terms_of(parts, a[: self.amounts])
 
     def change(self, a: np.ndarray) -> np.ndarray:
         """Return the change (m,) [N] of the fitted entries at a (q,). Raises NotConverged."""
-        parts, amounts = self.split(a)
-        forces = self.problem.forces_with(parts, amounts, self.problem.readings_of(self.mask))
+        forces = self.problem.forces_with(self.terms(a), self.problem.readings_of(self.mask))
         return self.problem.observations.flat(forces - self.problem.base)[self.mask]
 
     def covariance(self, a: np.ndarray) -> Covariance:
         """Return the covariance of the fitted entries, errors of the change at a (q,) included."""
-        uncertain = self.problem.with_model_error(self.split(a)[0], a[: self.amounts])
-        return uncertain.covariance.restricted(self.mask)
+        return self.problem.with_model_error(self.terms(a)).covariance.restricted(self.mask)
 
     def _each(self, name: str, of_moves: list) -> np.ndarray:
         of_parts = [np.broadcast_to(getattr(part, name), part.columns.shape[1]) for part in self.start.parts]
@@ -233,13 +242,13 @@ def variables_of(problem: Problem, start: Screened, mask: np.ndarray, placing: b
     What an earlier refit has placed stays there, and its value alone is fitted, unless it is placing: it then goes on.
     """
     parts = tuple(_tried(problem, part) if placing else part for part in start.parts)
-    moves, covariance, values = [], problem.covariance.restricted(mask), split(parts, start.amounts)
-    for k, (part, before, amounts) in enumerate(zip(parts, start.parts, values)):
+    moves, covariance = [], problem.covariance.restricted(mask)
+    for k, (before, (part, amounts)) in enumerate(zip(start.parts, terms_of(parts, start.amounts))):
         slopes = problem.slopes_of(part) if part.moved_from is None else {}
         for axis, slope in slopes.items():
             way = slope.columns @ amounts
             moved = float(before.shape[axis]) - float(part.shape[axis])
-            if moved or np.linalg.norm(covariance.whiten(way[mask])) * slope.half > SEEN_SNR:
+            if moved or np.linalg.norm(covariance.whiten(way[mask])) * slope.half > OBSERVABLE_SNR:
                 moves.append(Move(k, axis, way, slope.half, slope.low, slope.high, moved))
     return Variables(problem, replace(start, parts=parts), tuple(moves), mask)
 

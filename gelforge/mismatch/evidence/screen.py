@@ -59,14 +59,22 @@ class Screened:
         return frozenset(part.name for part in self.parts)
 
     @property
-    def shape(self) -> Shape:
-        """Return the best shape of the last part."""
-        return self.parts[-1].shape
+    def terms(self) -> list[Term]:
+        """Return each part with its values."""
+        return terms_of(self.parts, self.amounts)
 
     @property
     def by_name(self) -> dict[str, np.ndarray]:
         """Return the values of each part."""
-        return {part.name: a for part, a in zip(self.parts, split(self.parts, self.amounts))}
+        return {part.name: a for part, a in self.terms}
+
+
+Term = tuple[Candidate, np.ndarray]  # an effect and its values
+
+
+def terms_of(parts: Sequence[Candidate], amounts: np.ndarray) -> list[Term]:
+    """Return parts with their share of all values (p,)."""
+    return list(zip(parts, split(parts, amounts)))
 
 
 def split(parts: Sequence[Candidate], amounts: np.ndarray) -> list[np.ndarray]:
@@ -91,13 +99,13 @@ def screened(
             part = replace(candidate, prior_sd=scale * np.asarray(candidate.prior_sd))
             observable = float(np.linalg.norm(own * (1.0 if candidate.binary else candidate.prior_sd)))
             by_name[candidate.name].append(replace(judged_by(r, (part,), [own]), plausible_snr=observable))
-    found = []
+    judged_effects = []
     for shapes in by_name.values():
         factors = [judged.log_bayes_factor for judged in shapes]
         best = shapes[int(np.argmax(factors))]
         average = float(logsumexp(factors) - np.log(len(factors)))
-        found.append(replace(best, log_bayes_factor=average))
-    return sorted(found, key=lambda judged: -judged.log_bayes_factor)
+        judged_effects.append(replace(best, log_bayes_factor=average))
+    return sorted(judged_effects, key=lambda judged: -judged.log_bayes_factor)
 
 
 def chance_of(log_bayes_factor: float) -> float:
@@ -167,7 +175,7 @@ def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, Slope]:
 
     Differences of the columns at the places to either side, or to one where there is but one.
     """
-    found, near = {}, [(other, between(part.tried, other.tried)) for other in next_to(part, others)]
+    by_axis, near = {}, [(other, between(part.tried, other.tried)) for other in next_to(part, others)]
     for k, axis in enumerate(AXES):
         along = {0.0: part} | {float(way[k]): other for other, way in near if way[k]}
         before = max((d for d in along if d < 0), default=0.0)
@@ -176,8 +184,8 @@ def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, Slope]:
             slope = (along[after].columns - along[before].columns) / (after - before)
             half = min(abs(d) for d in (before, after) if d) / 2
             beyond = 0.0 if axis == RADIUS else half
-            found[axis] = Slope(slope, half, before or -half, after or beyond)
-    return found
+            by_axis[axis] = Slope(slope, half, before or -half, after or beyond)
+    return by_axis
 
 
 def displaced(part: Candidate, by: dict[str, float]) -> Candidate:
@@ -189,13 +197,13 @@ def displaced(part: Candidate, by: dict[str, float]) -> Candidate:
 def next_to(part: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
     """Return those of other places that lie nearest to a part's to either side along one axis."""
     ways = np.array([between(part.tried, other.tried) for other in others]).reshape(-1, len(AXES))
-    found = []
+    nearest = []
     for k in range(len(AXES)):
         for side in (-1, 1):
             along = (side * ways[:, k] > 0) & ~np.delete(ways, k, axis=1).any(axis=1)
             if along.any():
-                found.append(others[int(np.argmin(np.where(along, np.abs(ways[:, k]), np.inf)))])
-    return found
+                nearest.append(others[int(np.argmin(np.where(along, np.abs(ways[:, k]), np.inf)))])
+    return nearest
 
 
 def between(one: Shape, other: Shape) -> np.ndarray:

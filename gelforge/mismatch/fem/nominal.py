@@ -21,7 +21,7 @@ from gelforge.mismatch.effects import CATALOGUE, with_dependencies
 from gelforge.mismatch.evidence.candidates import BOX, candidates_of, effects_of_forces
 from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.problem import Problem
-from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.evidence.screen import Term
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
 from gelforge.mismatch.fem.solver import Amounts, Base, base_of, forces_with, forgetting, read_with
 from gelforge.mismatch.free_forms import changes_of, modules_of, required
@@ -188,10 +188,8 @@ def _why(presses: Sequence[Unsolved]) -> str:
 
 def _bounds(solver: Solver, sites: np.ndarray, presses: Sequence[Unsolved]) -> np.ndarray:
     """Return per site (S, 2) [mm] the depth that is solved at most, and that from which on no unloading is."""
-    bounds, study = (
-        np.full((len(sites), 2), np.inf),
-        forgetting(solver).study,
-    )  # whose mirror images are solved
+    study = forgetting(solver).study  # whose mirror images are solved
+    bounds = np.full((len(sites), 2), np.inf)
     for number, (x, y) in enumerate(sites):
         image, _ = image_of(study, PlannedCell("", float(x), float(y), (1.0,)))
         for one in presses:
@@ -248,7 +246,7 @@ def problem_of(
     stage("forces of the simulation, and how they follow the effects")
     base = with_known(base_where_solved(solver, observations, asked), solver)
     observations = base.context.observations
-    covariance = readings_covariance(base.context, base.law, base.floor, base.alike)
+    covariance = readings_covariance(base.context, base.law, base.floor, base.solution)
     if recorded:
         read = observations.read
         observations = without_spikes(observations, base.context.force, covariance)
@@ -259,8 +257,8 @@ def problem_of(
     candidates = candidates_of(base.context, effects, failed)
     changes = changes_of(base.context) if recorded else []
 
-    def chosen(parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> list[Amounts]:
-        return [(effects[part.name], part.shape, a) for part, a in zip(parts, amounts)]
+    def chosen(terms: Sequence[Term]) -> list[Amounts]:
+        return [(effects[part.name], part.shape, a) for part, a in terms]
 
     return (
         Problem(
@@ -269,14 +267,12 @@ def problem_of(
             covariance,
             candidates,
             effects,
-            lambda parts, amounts, rows: forces_with(solver, base, chosen(parts, amounts), rows),
+            lambda terms, rows: forces_with(solver, base, chosen(terms), rows),
             failed,
             solver.study.mismatch.change_error,
             [one for one in changes if one.name == BOX.name],
             modules_of(base.context, changes) if recorded else (),
-            lambda parts, amounts, change: read_with(
-                base, chosen(parts, amounts), base.context.force + change
-            ),
+            lambda terms, change: read_with(base, chosen(terms), base.context.force + change),
         ),
         base,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -9,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gelforge.indentation.cells.cell_file import Cell
+from gelforge.hdf5 import writing
+from gelforge.indentation.cells.cell_file import Cell, write_timings
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import Derivative, Variation
 from gelforge.indentation.solving.simulate import simulate_cell
@@ -18,18 +20,14 @@ from gelforge.mismatch.evidence.candidates import effects_of_forces
 from gelforge.mismatch.fem.asked import asked_of
 from gelforge.mismatch.fem.solutions import Solver, along_laws, each_derivative
 from gelforge.mismatch.fem.solver import forgetting
-from gelforge.mismatch.fem.stored import place_digest, write_stored
+from gelforge.mismatch.fem.stored import FORMAT, place_digest, slope_digest
 from gelforge.mismatch.free_forms import required
 from gelforge.mismatch.model.effect import Context
 from gelforge.mismatch.model.images_of_presses import image_of
 from gelforge.mismatch.readings.observations import PLACE_DIGITS
 
-ZERO_BY = (
-    "press",
-    "session",
-)  # depth zero is found for every indentation, or once: a tilt is then seen differently
-
-
+# Depth zero is found for every indentation, or once: a tilt is then seen differently.
+ZERO_BY = ("press", "session")
 NOTHING = Cell({"total_force_N": np.empty((0, 3))}, {})
 
 
@@ -58,21 +56,21 @@ def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
     variations = {key: one for key, (one, _) in asked.items()}
     study, laws = solver.coarse, dict(solver.laws)
     try:
-        base, found = each_derivative(study, laws, planned, variations)
+        base, derivatives = each_derivative(study, laws, planned, variations)
     except NotConverged:
         reached = simulate_cell(study, laws, planned).attributes["last_good_depth_mm"]
         planned = replace(planned, depths_mm=tuple(d for d in depths if d <= reached))
         if not planned.depths_mm:
             return SiteSlopes(planned, {}, NOTHING, {}, time.perf_counter() - clock)
-        base, found = each_derivative(study, laws, planned, variations)
-    return SiteSlopes(planned, asked, base, found, time.perf_counter() - clock)
+        base, derivatives = each_derivative(study, laws, planned, variations)
+    return SiteSlopes(planned, asked, base, derivatives, time.perf_counter() - clock)
 
 
 def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation, dict]]:
     """Return what is differentiated along at a place by name, each with its effect, parameter, unit and shape."""
     blank = Context.before_readings(solver.study)  # all that there could be
     effects = required(solver.study, effects_of_forces(solver.study).values())
-    found: dict[str, tuple[Variation, dict]] = {}
+    variations: dict[str, tuple[Variation, dict]] = {}
     known = []
     for zero_by in ZERO_BY:
         for one in asked_of(replace(solver, zero_by=zero_by), effects, blank, planned):
@@ -82,17 +80,40 @@ def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation,
             known.append(variation.inputs)
             parameter = one.effect.parameters[one.which]
             words = {"effect": one.effect.name, "parameter": parameter.name, "unit": parameter.unit}
-            found[key if key not in found else f"{key} by {zero_by}"] = (
+            variations[key if key not in variations else f"{key} by {zero_by}"] = (
                 variation,
                 words | {"shape": dict(one.shape), "depth_zero_by": zero_by},
             )
     for key, variation in along_laws(solver, solver.coarse).items():
-        found[key] = variation, {"effect": "", "parameter": key, "unit": "standard deviation", "shape": {}}
-    return found
+        words = {"effect": "", "parameter": key, "unit": "standard deviation", "shape": {}}
+        variations[key] = variation, words
+    return variations
 
 
 def write_site_slopes(path: Path, solver: Solver, site: SiteSlopes) -> None:
-    """Write the derivatives of a site into a file of their own."""
+    """Write the derivatives of a site into a file of their own, whole or not at all; `read_stored` reads it."""
     coarse, planned = forgetting(solver).coarse, site.planned
     place = place_digest(coarse, solver.laws, planned.x_mm, planned.y_mm)
-    write_stored(path, planned, place, site.base.arrays, site.found, site.asked, site.seconds)
+    about = {
+        key: {"name": key, **words, "digest": slope_digest(place, one)}
+        for key, (one, words) in site.asked.items()
+    }
+    known = {key: one for key, one in site.found.items() if not isinstance(one, str)}
+    lists = {
+        "parameters": [about[key] for key in known],
+        "missing": [about[key] | {"reason": one} for key, one in site.found.items() if key not in known],
+    }
+    arrays = {
+        "depth_mm": ("mm", np.array(planned.depths_mm)),
+        "total_force_N": ("N", site.base.arrays["total_force_N"]),
+        "slope_total": ("N/unit", np.array([one.total for one in known.values()])),
+    }
+    with writing(path) as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["x_mm"], file.attrs["y_mm"], file.attrs["place"] = planned.x_mm, planned.y_mm, place
+        for name, content in lists.items():  # datasets: an attribute holds 64 kB
+            file.create_dataset(name, data=json.dumps(content))
+        for name, (unit, values) in arrays.items():
+            large = {"compression": "gzip", "shuffle": True} if values.size > 4096 else {}
+            file.create_dataset(name, data=values, **large).attrs["units"] = unit
+    write_timings(path, {"seconds": site.seconds})

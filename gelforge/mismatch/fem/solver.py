@@ -40,15 +40,12 @@ from gelforge.mismatch.model.images_of_presses import (
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
-MOST_MESH_ERROR = 1.5  # factor; beyond it (the unloading's last touch) the ratio says nothing
 Amounts = tuple[Effect, Shape, np.ndarray]
 PART = 0.3  # of the difference to the coarser mesh, root mean square over depths
-CROSS = 0.04  # of the vertical difference, on horizontal forces: near a wall they lean on it
 # Of a sideways force itself, which errs by wall and skin, and that a mesh of twice the sizes does not show: the default mesh
 # is 3 to 4 % off (docs/accuracy.md), FElupe's sideways forces differ by 7 % root mean square from 0.8 mm on, 1 / sqrt(2) of
 # which is the error of each code (python -m validation.checks.between_codes --bases concealed --sizes 0.3 0.6).
 SIDEWAYS = 0.05
-LEAST = 1e-3  # of the largest force: below it the indenter is about to leave
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,7 @@ class Base:
     finer: np.ndarray  # (R, 1) by which changes on the coarser mesh are multiplied
     law: np.ndarray  # (R, 3, q) [N] per standard deviation of each uncertain direction of the laws
     floor: np.ndarray  # (R, 3) [N] discretisation error, one standard deviation
-    alike: np.ndarray  # (R,) number of the indentation that was solved for each: mirror images err alike
+    solution: np.ndarray  # (R,) number of the indentation that was solved for each, whose error all share
     failed: Mapping[str, str]  # derivatives that could not be had, and why
     # (3, 3) by which a change of the force on the sensor is read: none, unless the force sensor's errors are known
     sensor: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -107,8 +104,8 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     sideways = SIDEWAYS if solver.study.mismatch.discretisation is None else 0.0  # that is known of all axes
     by_site = zip(curves.values, companion)
     bars = Curves(depths, tuple(base_bars(own, other, sideways) for own, other in by_site))
-    alike = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
-    return Base(context, ways, coarse, loading, finer, stacked, blank.on_readings(bars), alike, failed)
+    solution = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
+    return Base(context, ways, coarse, loading, finer, stacked, blank.on_readings(bars), solution, failed)
 
 
 def _companion_curves(
@@ -126,10 +123,10 @@ def _companion_curves(
         return None
     study = solver.study.model_copy(update={"mismatch": settings.model_copy(update={"coarser": COARSER})})
     try:
-        found = _followed(replace(solver, study=study, uncertain={}), ways)
+        companions = _followed(replace(solver, study=study, uncertain={}), ways)
     except SolverFailed:
         return None
-    return [one["base"] for one in found]
+    return [one["base"] for one in companions]
 
 
 def _solved_once(solver: Solver, ways: Sequence[PlannedCell]) -> np.ndarray:
@@ -179,12 +176,12 @@ def _followed(
 
 def _with_unloading(runs: Runs, by_way: Sequence[dict]) -> np.ndarray:
     """Return the forces of loadings (`_followed`) at the readings (R, 3), unloading as it was solved, where it was."""
-    found = runs.loading([one["base"] for one in by_way])
+    at_readings = runs.loading([one["base"] for one in by_way])
     for number, (way, run) in enumerate(runs.unloadings):
         if (forces := by_way[way].get(unloading_key(run))) is not None:
             rows = runs.unloading == number
-            found[rows] = forces[runs.back[rows]]
-    return found
+            at_readings[rows] = forces[runs.back[rows]]
+    return at_readings
 
 
 def _base(found: list) -> list:
@@ -236,7 +233,7 @@ def _share(fine: np.ndarray, coarse: np.ndarray) -> np.ndarray:
     """Return by how much changes on the coarser mesh are to be multiplied (R, 1): as the pressing force itself."""
     known = np.abs(coarse[:, 2:]) > 0
     share = np.divide(fine[:, 2:], coarse[:, 2:], out=np.ones_like(fine[:, 2:]), where=known)
-    return np.clip(share, 1 / MOST_MESH_ERROR, MOST_MESH_ERROR)
+    return np.clip(share, 1 / 1.5, 1.5)  # beyond it (the unloading's last touch) the ratio says nothing
 
 
 def forces_with(
@@ -255,7 +252,7 @@ def forces_with(
     switched_on = [c for c in chosen if c[0].solved and np.any(c[2])]
     softens = _with(solver.study, switched_on).mechanics.effects.history.softens
     whole = np.isin(press, press[rows]) | softens
-    part = context.chosen(whole).observations
+    part = context.observations.chosen(whole)
     changes = np.zeros_like(context.force[whole])
     for observable, there in _by_observable_parts(part, switched_on):
         study = _with(solver.study, observable)
@@ -342,10 +339,10 @@ def _coarse_forces(solver: Solver, study: Study, observations: Observations, unl
     paths = timed_runs_of(observations, history.timing.step_mm, history.softens)
     if history.softens:
         return paths.at_readings(_solved([in_time((own, paths.trajectories))])[0])
-    found, symmetries = solved_for_all(
+    solved, symmetries = solved_for_all(
         study, paths.trajectories, lambda distinct: _solved(own.each(in_time, [(own, [p]) for p in distinct]))
     )
-    return paths.at_readings([carried(total, symmetry) for (total,), symmetry in zip(found, symmetries)])
+    return paths.at_readings([carried(total, symmetry) for (total,), symmetry in zip(solved, symmetries)])
 
 
 def _solved(found: list) -> list:
@@ -362,9 +359,10 @@ def base_bars(total: np.ndarray, coarse: np.ndarray, sideways: float = SIDEWAYS)
     """
     size = np.linalg.norm(total, axis=1, keepdims=True)
     difference = total - coarse
-    carries = (size > LEAST * size.max()).ravel()
+    carries = (size > 1e-3 * size.max()).ravel()  # below, the indenter is about to leave
     x, y, z = ((difference[carries] / size[carries]) ** 2).sum(axis=0) / max(carries.sum(), 1)
-    horizontal = np.sqrt(PART**2 * (x + y) / 2 + CROSS**2 * z)
+    # 0.04 of the vertical difference: near a wall horizontal forces lean on it
+    horizontal = np.sqrt(PART**2 * (x + y) / 2 + 0.04**2 * z)
     sigma = np.array([horizontal, horizontal, PART * np.sqrt(z)]) * size
     sigma = np.hypot(sigma, sideways * np.abs(total) * [1.0, 1.0, 0.0])
     return np.where(carries[:, None], sigma, np.maximum(sigma, PART * np.abs(difference)))

@@ -16,11 +16,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from gelforge.files import FileError, digest, source_digest
-from gelforge.hdf5 import opened, writing
-from gelforge.indentation.cells.cell_file import write_timings
+from gelforge.hdf5 import opened
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.inputs import inputs_digest
-from gelforge.indentation.solving.sensitivities import Derivative, Variation
+from gelforge.indentation.solving.sensitivities import Variation
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 FORMAT = "gelforge-sensitivities-1"
@@ -51,8 +50,8 @@ class Stored:
             return {}
         knots = np.concatenate([[0.0], self.depths_mm])
         values = np.stack([np.vstack([np.zeros(3), self.slopes[name]]) for name in held], axis=1)
-        found = PchipInterpolator(knots, values, axis=0)(np.clip(depths, 0.0, knots[-1]))
-        return dict(zip(held, np.moveaxis(found, 1, 0)))
+        values_at = PchipInterpolator(knots, values, axis=0)(np.clip(depths, 0.0, knots[-1]))
+        return dict(zip(held, np.moveaxis(values_at, 1, 0)))
 
 
 def place_digest(study, laws: Mapping[str, PrincipalLaw], x_mm: float, y_mm: float) -> str:
@@ -64,42 +63,6 @@ def place_digest(study, laws: Mapping[str, PrincipalLaw], x_mm: float, y_mm: flo
 def slope_digest(place: str, variation: Variation) -> str:
     """Return the digest of all that decides a derivative at a place."""
     return digest(["along", place, variation.inputs])
-
-
-def write_stored(
-    path: Path,
-    planned: PlannedCell,
-    place: str,
-    base: Mapping[str, np.ndarray],
-    found: Mapping[str, Derivative | str],
-    asked: Mapping[str, tuple[Variation, Mapping]],
-    seconds: float,
-) -> None:
-    """Write the derivatives found at a place, whole or not at all.
-
-    base: total_force_N (D, 3); found: by key, or the reason why there is none; asked: by key, the
-    variation and what it is about in words (effect, parameter, unit, shape).
-    """
-    known = {key: one for key, one in found.items() if not isinstance(one, str)}
-    with writing(path) as file:
-        file.attrs["format"] = FORMAT
-        file.attrs["x_mm"], file.attrs["y_mm"], file.attrs["place"] = planned.x_mm, planned.y_mm, place
-        of = {key: {**about, "digest": slope_digest(place, one)} for key, (one, about) in asked.items()}
-        lists = {
-            "parameters": [{"name": key} | of[key] for key in known],
-            "missing": [{"name": k} | of[k] | {"reason": one} for k, one in found.items() if k not in known],
-        }
-        for name, content in lists.items():  # datasets: an attribute holds 64 kB
-            file.create_dataset(name, data=json.dumps(content))
-        arrays = {
-            "depth_mm": ("mm", np.array(planned.depths_mm)),
-            "total_force_N": ("N", base["total_force_N"]),
-            "slope_total": ("N/unit", np.array([one.total for one in known.values()])),
-        }
-        for name, (unit, values) in arrays.items():
-            large = {"compression": "gzip", "shuffle": True} if values.size > 4096 else {}
-            file.create_dataset(name, data=values, **large).attrs["units"] = unit
-    write_timings(path, {"seconds": seconds})
 
 
 def read_stored(path: Path, place: str) -> Stored | None:

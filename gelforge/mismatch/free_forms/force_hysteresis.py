@@ -30,9 +30,8 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
         return None
     width = CATALOGUE["force_hysteresis"].parameters[0].width
     openings, flat = _openings(context, width), context.observations.flat
-    directions = [
-        flat(np.where(np.arange(3)[:, None] == k, openings, 0.0)) for k in range(3)
-    ]  # by axis (n, q)
+    # by axis (n, q)
+    directions = [flat(np.where(np.arange(3)[:, None] == k, openings, 0.0)) for k in range(3)]
     # of the map: the largest force so far, and the share of it that still presses
     grids = np.meshgrid((0.25, 0.5, 1.0), (0.25, 0.5, 0.75), indexing="ij")
     peak, left = (grid.ravel() for grid in grids)
@@ -68,11 +67,11 @@ def _openings(context: Context, width: float) -> np.ndarray:
 
 def _of_map(peak: np.ndarray, left: np.ndarray, width: float) -> np.ndarray:
     """Return the openings (G, q), shares of the largest force of all, where a share `left` of the peak (G,) is left."""
-    force, found = left * peak, []
+    force, openings = left * peak, []
     for half in (width * band for band in BANDS):
-        found.append(np.minimum(force + half, peak - half) - np.maximum(force - half, 0.0))
-    found += [width * peak**a * (1 - left) ** b for a in OF_PEAK for b in OF_RETURN]
-    return np.column_stack(found) / np.sqrt(COUNT)
+        openings.append(np.minimum(force + half, peak - half) - np.maximum(force - half, 0.0))
+    openings += [width * peak**a * (1 - left) ** b for a in OF_PEAK for b in OF_RETURN]
+    return np.column_stack(openings) / np.sqrt(COUNT)
 
 
 FREE_FORM = FreeForm("force_hysteresis", module)

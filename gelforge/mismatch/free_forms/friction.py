@@ -57,14 +57,14 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
         return None
     (excess,) = CATALOGUE["friction"].parameters
     references = [float(one.shape["reference_pressure_MPa"]) for one in changes]
-    alike = excess.width * context.observations.flat(context.derivative("friction"))
+    everywhere = excess.width * context.observations.flat(context.derivative("friction"))
     pressures = context.study.mechanics.effects.contact.reference_pressure_MPa * np.array(AT)
     own = _share(context.study, pressures)
     falls = -WIDTH * context.study.mechanics.friction * np.log1p(pressures[:, None] / np.array(references))
     basis = own[:, None] * np.column_stack([np.full(len(AT), excess.width), falls])
     return Module(
         words="friction at other pressures",
-        directions=np.column_stack([alike, *(WIDTH * one.columns[:, 0] for one in changes)]),
+        directions=np.column_stack([everywhere, *(WIDTH * one.columns[:, 0] for one in changes)]),
         name="friction",
         says="friction depends differently on the contact pressure",
         map=pd.DataFrame({"quantity": "coefficient of friction", "pressure_MPa": pressures}),

@@ -52,7 +52,7 @@ def lost_shares(context: Context) -> np.ndarray:
     Means over points about the indentation, for each reach.
     """
     table = context.observations.table
-    found = np.zeros((len(table), len(REACHES), len(OF_PEAK), len(OF_RETURN)))
+    lost = np.zeros((len(table), len(REACHES), len(OF_PEAK), len(OF_RETURN)))
     for k, reach in enumerate(REACHES):
         energies = Energies(context, reach * WIDER)
         largest = max(energies.largest, np.finfo(float).tiny)
@@ -61,8 +61,8 @@ def lost_shares(context: Context) -> np.ndarray:
             share = (peak / largest).clip(0.0, 1.0)
             for i, a in enumerate(OF_PEAK):
                 for j, b in enumerate(OF_RETURN):
-                    found[rows, k, i, j] = (share**a * gone**b).mean(axis=1)
-    return found.reshape(len(table), -1)
+                    lost[rows, k, i, j] = (share**a * gone**b).mean(axis=1)
+    return lost.reshape(len(table), -1)
 
 
 FREE_FORM = FreeForm("softening", module)

@@ -16,8 +16,8 @@ import pandas as pd
 
 from gelforge.config import Study
 from gelforge.mismatch.effects import CATALOGUE, with_dependencies
-from gelforge.mismatch.evidence.problem import Problem
-from gelforge.mismatch.evidence.screen import Candidate
+from gelforge.mismatch.evidence.problem import ForcesWith, Problem
+from gelforge.mismatch.evidence.screen import Candidate, Term
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed
 from gelforge.mismatch.fem.solver import Base
 from gelforge.mismatch.images.flow_covariance import Rows, flow_covariance
@@ -31,8 +31,6 @@ from gelforge.mismatch.images.flow_images import (
     shows_gel,
 )
 from gelforge.mismatch.images.flow_model import FlowModel, FlowUnknown, flow_model
-from gelforge.mismatch.inference.holdout import Blocks
-from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.recording.readings import Recording
@@ -125,7 +123,7 @@ def _joined(problem: Problem, model: FlowModel, effects: Mapping[str, Effect]) -
         covariance=flow_covariance(problem, model, rows, labels),
         candidates=candidates,
         effects={name: e for name, e in effects.items() if name in known or name in problem.effects},
-        forces_with=_Both(channel, rows, {}, effects),
+        forces_with=_forces_with(channel, rows, effects),
         read_with=None,
         failed=failed,
         flow=channel,
@@ -167,7 +165,7 @@ def _candidates(
     failed: dict[str, str],
 ) -> list[Candidate]:
     """Return the candidates with what they change of the flow; one whose flow is not known is left out and reported."""
-    found = []
+    candidates = []
     for candidate in problem.candidates:
         effect = effects[candidate.name]
         shapes = [dict(shape) for shape in effect.shapes(model.base.context)]
@@ -176,7 +174,7 @@ def _candidates(
         except FlowUnknown as missing:
             failed.setdefault(str(missing), "its flow in the images could not be computed")
             continue
-        found.append(replace(candidate, columns=np.concatenate([candidate.columns, rows.flat(change)])))
+        candidates.append(replace(candidate, columns=np.concatenate([candidate.columns, rows.flat(change)])))
     for name, effect in effects.items():
         if effect.to_camera is None:
             continue
@@ -187,47 +185,23 @@ def _candidates(
             continue
         if np.any(change):
             columns = np.concatenate([np.zeros((rows.entries, change.shape[1])), change])
-            found.append(Candidate(name, {}, columns, effect.prior_sd, effect.signs, effect.binary))
-    return found
+            candidates.append(Candidate(name, {}, columns, effect.prior_sd, effect.signs, effect.binary))
+    return candidates
 
 
-@dataclass(frozen=True, eq=False)
-class _Both:
-    """Forces and flow with effects (Problem.forces_with): the camera's exactly, the finite elements' at their values.
+def _forces_with(channel: FlowChannel, rows: Rows, effects: Mapping[str, Effect]) -> ForcesWith:
+    """Return forces and flow with effects: the camera's exactly, the finite elements' at their values.
 
     What moves single indentations, remembers, changes the mesh or is seen during unloading stays at first order in the flow,
     and so does what is solved on elements that are no boxes, in which no particle can be found.
     """
+    forces, model = channel.forces, channel.model
 
-    channel: FlowChannel
-    rows: Rows
-    known: dict
-    effects: Mapping[str, Effect]
-
-    def __call__(
-        self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray], readings: np.ndarray
-    ) -> np.ndarray:
-        forces, R = self.channel.forces, len(self.channel.forces.base)
-        of_force = [(p, a) for p, a in zip(parts, amounts) if self.effects[p.name].to_camera is None]
-        found = np.full((len(readings), 3), np.nan)
-        found[:R] = forces.forces_with([p for p, _ in of_force], [a for _, a in of_force], readings[:R])
-        if readings[R:].any():
-            found[R:] = self.rows.as_readings(self.channel.base + self._change(parts, amounts))
-            found[R:][~readings[R:]] = np.nan
-        return found
-
-    def _change(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
+    def change_of(terms: Sequence[Term]) -> np.ndarray:
         """Return the change of the flow (F, m, 2) [px]."""
-        key = tuple((p.name, str(dict(p.shape)), tuple(np.round(a, 12))) for p, a in zip(parts, amounts))
-        if key not in self.known:
-            self.known[key] = self._drawn(parts, amounts)
-        return self.known[key]
-
-    def _drawn(self, parts: Sequence[Candidate], amounts: Sequence[np.ndarray]) -> np.ndarray:
-        model = self.channel.model
         studied, cameras, linear = [], [], []
-        for part, a in zip(parts, amounts):
-            effect = self.effects[part.name]
+        for part, a in terms:
+            effect = effects[part.name]
             if not np.any(a):
                 continue
             if effect.to_camera is not None:
@@ -239,34 +213,23 @@ class _Both:
         more: Sequence[np.ndarray | float] = [0.0] * len(model.seen)
         if studied:
             try:
-                more = model.solved([(self.effects[part.name], part.shape, a) for part, a in studied])
+                more = model.solved([(effects[part.name], part.shape, a) for part, a in studied])
             except VirtualLabError:
                 linear += studied
-        change = np.zeros(self.channel.base.shape)
+        change = np.zeros(channel.base.shape)
         for part, a in linear:
-            change[self.rows.shown] += (part.columns[self.rows.entries :] @ a).reshape(-1, 2)
+            change[rows.shown] += (part.columns[rows.entries :] @ a).reshape(-1, 2)
         if cameras or any(np.any(du) for du in more):
             change += model.change(more, model.seen_by(cameras))
         return change
 
+    def forces_with(terms: Sequence[Term], readings: np.ndarray) -> np.ndarray:
+        R = len(forces.base)
+        moving = [term for term in terms if effects[term[0].name].to_camera is None]
+        force = forces.forces_with(moving, readings[:R])
+        flow = np.full((len(readings) - R, 3), np.nan)
+        if readings[R:].any():
+            flow = rows.as_readings(channel.base + change_of(terms))
+        return np.where(readings[:, None], np.concatenate([force, flow]), np.nan)
 
-def force_part(problem: Problem, judgement: Judgement) -> tuple[Problem, Judgement]:
-    """Return problem and judgement of the readings of force alone, for tables in newtons; as they are without images."""
-    if problem.flow is None:
-        return problem, judgement
-    n, R = problem.flow.entries, len(problem.flow.forces.base)
-
-    answer = judgement.answer
-    if answer is not None:
-        answer = replace(
-            answer,
-            after=answer.after[:R],
-            proof=answer.proof and replace(answer.proof, left=answer.proof.left[:n]),
-        )
-    model = judgement.model
-    if model is not None:
-        own = {name: getattr(model, name)[:n] for name in ("left", "rest", "change", "spread")}
-        model = replace(model, **own)
-    held = {name: mask[:n] for name, mask in judgement.blocks.held.items()}
-    blocks = Blocks(judgement.blocks.train[:n], held)
-    return problem.flow.forces, replace(judgement, blocks=blocks, answer=answer, model=model)
+    return forces_with

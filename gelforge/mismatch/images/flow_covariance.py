@@ -12,14 +12,8 @@ from gelforge.mismatch.evidence.covariance import Covariance, Draws, estimated_n
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.fem.solver import PART
 from gelforge.mismatch.images.flow_images import REGIONS
-from gelforge.mismatch.images.flow_model import LOOKS, OTHER_BLUR_PX, OTHER_DIAMETER, FlowModel
+from gelforge.mismatch.images.flow_model import FlowModel
 from gelforge.mismatch.readings.observations import Observations
-
-# Of the flow of a region: what drawing leaves out of a real image (glare, particles that are no balls, distortion).
-DRAWN_SHARE = 0.01
-# By how much more the highest particles are seen, and the lowest less, than in a drawn image: light, focus, cover.
-OTHER_HEIGHTS = 0.3
-LEAST_PX = 0.005  # an 8-bit image holds no smaller mean motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,59 +42,63 @@ class Scatter:
     the flow in all images; what is left differs from site to site, and there is one indentation at each.
     """
 
-    alike: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
-    beside: float  # correlation of these shares between neighbours, taken for that of what is left too
-    own: np.ndarray  # (F, m, 2) [px] what is left
+    shared: np.ndarray  # (F, m, 2) [px] by the regions' shares of the flow
+    correlation: float  # correlation of these shares between neighbours, taken for that of what is left too
+    rest: np.ndarray  # (F, m, 2) [px] what is left
 
 
 def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.DataFrame) -> Covariance:
     """Return the covariance of both channels.
 
     Of the flow: independent its images' noise, what drawing leaves out and where the particles of every region are
-    (`Scatter`); per site and direction the reference frame's noise, neighbours alike in part; shared by all their share of
-    the flow in all images, the contact point of an indentation with images, in force and flow alike, the laws' directions,
-    the discretisation, at which heights the particles are that are seen, and two other looks of the particles.
+    (`Scatter`); per site and direction the reference frame's noise, neighbours alike in part; per indentation its contact
+    point, in force and flow alike; shared by all their share of the flow in all images, sessions' contact points, the laws'
+    directions, the discretisation, at which heights the particles are that are seen, and two other looks of the particles.
     """
     forces = problem.covariance
-    *depth, press, alike, common = forces.levels
+    *depth, press, solved, common = forces.levels
     n, noise = rows.entries, np.stack([p.noise for p in model.seen])
     images = np.array([p.images for p in model.seen])[:, None, None]
     base = model.drawn.mean(axis=1)
     scatter = scatter_of(model.drawn, np.all(rows.shown, axis=0))
-    variance = noise**2 / images + scatter.own**2 + LEAST_PX**2
-    variance = variance + (DRAWN_SHARE * _smoothed(base**2) ** 0.5) ** 2
+    # an 8-bit image holds no smaller mean motion; of a region's flow what drawing leaves out (glare, distortion)
+    least_px, undrawn = 0.005, 0.01
+    variance = noise**2 / images + scatter.rest**2 + least_px**2
+    variance = variance + (undrawn * _smoothed(base**2) ** 0.5) ** 2
     flow = labels.iloc[n:]
-    f, site_of_force = len(flow), dict(zip(labels["site"].iloc[:n], alike.group))
+    f = len(flow)
     seen_at = flow.groupby(["site", "axis"]).ngroup().to_numpy()
-    root = neighbours(scatter.beside)[flow["region"].to_numpy(int)]
+    root = neighbours(scatter.correlation)[flow["region"].to_numpy(int)]
     placed = root * rows.flat(noise)[:, None]
-    by_press, shared_force, shared_flow = _contact_points(problem, model, rows)
+    seen, reading = rows.observations, flow["reading"].to_numpy()
+    depths = seen.press_depth_mm[reading], seen.session_depth_mm[reading]
+    by_press, by_session = contact_points(problem, flow, depths, rows.flat(model.slope()))
     laws = np.zeros((f, common.directions.shape[1]))
     for k, key in enumerate(sorted_laws(model)):
         laws[:, k] = rows.flat(model.change_along(key))
-    laws += shared_flow["session"]
-    regions = root * rows.flat(scatter.alike)[:, None]
+    first = model.base.law.shape[-1] + solved.directions.shape[1]  # columns of laws and floor come first
+    laws[:, first : first + by_session.shape[1]] = by_session
+    regions = root * rows.flat(scatter.shared)[:, None]
     flow_alone = np.column_stack([*(rows.flat(change) for change in _doubts(model)), regions])
-    shared = [
-        [common.directions, shared_force, np.zeros((n, flow_alone.shape[1]))],
-        [laws, shared_flow["press"], flow_alone],
-    ]
+    shared = [[common.directions, np.zeros((n, flow_alone.shape[1]))], [laws, flow_alone]]
 
-    def both(group: np.ndarray, force: np.ndarray, own: np.ndarray, flow: np.ndarray) -> Draws:
-        """Return draws of the forces in groups (n,) and, in groups (f,) of their own, of the flow."""
-        apart = np.concatenate([group, group.max() + 1 + own])
-        return Draws(apart, np.vstack([force, flow]))
+    def both(group: np.ndarray, force: np.ndarray, own: np.ndarray, flow: np.ndarray | None = None) -> Draws:
+        """Return draws of the forces in groups (n,) and, in groups (f,), of the flow; none of it by default."""
+        flow = np.zeros((f, force.shape[1])) if flow is None else flow
+        return Draws(np.concatenate([group, own]).astype(int), np.vstack([force, flow]))
 
-    def without_flow(level: Draws, own: np.ndarray) -> Draws:
-        return both(level.group, level.directions, own, np.zeros((f, level.directions.shape[1])))
+    def joined(column: str, group: np.ndarray) -> list[int]:
+        """Return the groups of the flow as those (n,) of the forces at its site or of its press."""
+        of_force = dict(zip(labels[column].iloc[:n], group))
+        return [of_force[value] for value in flow[column]]
 
-    # The flow lies in its site's group where errors of changes are drawn.
-    joined = np.concatenate([alike.group, [site_of_force[s] for s in flow["site"]]]).astype(int)
+    apart = press.group.max() + 1 + seen_at
     levels = (
-        *(without_flow(level, np.arange(f)) for level in depth),
-        both(press.group, np.zeros((n, placed.shape[1])), seen_at, placed),
-        without_flow(replace(press, directions=by_press), seen_at),
-        Draws(joined, np.vstack([alike.directions, np.zeros((f, alike.directions.shape[1]))])),
+        *(both(level.group, level.directions, level.group.max() + 1 + np.arange(f)) for level in depth),
+        both(press.group, np.zeros((n, placed.shape[1])), apart, placed),
+        both(press.group, press.directions, joined("press", press.group), by_press),
+        # errors of changes are drawn for its site
+        both(solved.group, solved.directions, joined("site", solved.group)),
         Draws(np.zeros(len(labels), dtype=int), np.block(shared)),
     )
     variances = np.concatenate([forces.variance, rows.flat(variance)])
@@ -119,13 +117,13 @@ def scatter_of(drawn: np.ndarray, shown: np.ndarray) -> Scatter:
     freedom = (1 + 1 / K) / (K - 1)  # K placements about their mean, and the real one
     spread = np.sqrt(freedom * np.sum(share**2 * size) / max(np.sum(size), np.finfo(float).tiny))
     return Scatter(
-        alike=spread * base[:, 0],
-        beside=_beside(share, np.where(shown, np.sqrt(size[0]), 0.0)),
-        own=np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1))),
+        shared=spread * base[:, 0],
+        correlation=_correlation(share, np.where(shown, np.sqrt(size[0]), 0.0)),
+        rest=np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1))),
     )
 
 
-def _beside(share: np.ndarray, moves: np.ndarray) -> float:
+def _correlation(share: np.ndarray, moves: np.ndarray) -> float:
     """Return the correlation of shares (K, m) between neighbours, 0 or more, weighted by how much both move (m,)."""
     grid, weight = share.reshape(-1, REGIONS, REGIONS), np.sqrt(moves.reshape(REGIONS, REGIONS))
     down, across = weight[1:] * weight[:-1], weight[:, 1:] * weight[:, :-1]
@@ -138,10 +136,10 @@ def _beside(share: np.ndarray, moves: np.ndarray) -> float:
     return float(np.clip(one @ other / size, 0.0, 1.0)) if size > 0 else 0.0
 
 
-def neighbours(beside: float) -> np.ndarray:
+def neighbours(correlation: float) -> np.ndarray:
     """Return a root (m, m) of the regions' correlation, which falls by a factor from each to the next along u and v."""
     away = np.abs(np.subtract.outer(np.arange(REGIONS), np.arange(REGIONS)))
-    root = np.linalg.cholesky(np.clip(beside, 0.0, 0.9) ** away)
+    root = np.linalg.cholesky(np.clip(correlation, 0.0, 0.9) ** away)
     return np.kron(root, root)
 
 
@@ -158,42 +156,38 @@ def _smoothed(square: np.ndarray) -> np.ndarray:
     return np.repeat(near.reshape(len(square), -1, 1), 2, axis=-1)
 
 
-def _contact_points(problem: Problem, model: FlowModel, rows: Rows):
-    """Return the forces' directions per indentation without the contact point of those with images; it as shared columns."""
-    *_, press, alike, common = problem.covariance.levels
-    labels, slope = problem.labels, model.slope()
-    by_press, force, flow = press.directions.copy(), [], []
-    session = np.zeros((rows.shown.sum() * 2, common.directions.shape[1]))
-    last = model.base.law.shape[-1] + alike.directions.shape[1]  # columns of laws and floor come first
-    depths = problem.observations.session_depth_mm
-    sessions = labels.loc[depths[labels["reading"]] > 0, "session"].nunique()  # one column each comes next
-    for k, seen in enumerate(model.seen):
-        own, reading = (labels["press"] == seen.row["press"]).to_numpy(), int(seen.row.name)
-        alone = np.zeros_like(slope)
-        alone[k] = slope[k]
-        if depths[reading] > 0:
-            columns = np.abs(common.directions[own][:, last : last + sessions])
-            session[:, last + int(np.argmax(columns.sum(axis=0)))] += depths[reading] * rows.flat(alone)
-        if sd := problem.observations.press_depth_mm[reading]:
-            force.append(np.where(own, by_press[:, -1], 0.0))
-            flow.append(sd * rows.flat(alone))
-            by_press[own, -1] = 0.0
-    shared = np.reshape(force, (-1, rows.entries)).T, np.reshape(flow, (-1, len(session))).T
-    return by_press, shared[0], {"session": session, "press": shared[1]}
+def contact_points(
+    problem: Problem, flow: pd.DataFrame, depths: tuple[np.ndarray, np.ndarray], slope: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return directions of the flow: (f, q) of an indentation's depth, in the last, and (f, S) of sessions' contact points.
+
+    flow: labels of the f entries; depths: standard deviations (f,) [mm] of indentation and session; slope (f,) [px/mm]. The
+    draws are those of the forces (readings_covariance).
+    """
+    by_press = np.zeros((len(flow), problem.covariance.levels[-3].directions.shape[1]))
+    by_press[:, -1] = depths[0] * slope
+    labels = problem.labels
+    sessions = np.unique(labels["session"][problem.observations.session_depth_mm[labels["reading"]] > 0])
+    return by_press, (flow["session"].to_numpy()[:, None] == sessions) * (depths[1] * slope)[:, None]
 
 
 def _doubts(model: FlowModel) -> list[np.ndarray]:
-    """Return changes of the flow (F, m, 2) by one standard deviation of what is not known: mesh, heights, blur, diameter."""
+    """Return changes of the flow (F, m, 2) by one standard deviation of what is not known: mesh, heights, blur, diameter.
+
+    What no recording states of its particles' look is off by as much: blur by half a pixel, diameter by a fifth. By light,
+    focus and cover the highest are seen by 0.3 more, and the lowest by as much less, than in a drawn image. Looks are drawn
+    in three placements: their scatter is a part of a part.
+    """
+    few, eyes = model.particles.first(3), model.eyes
     blurred = [
-        replace(eye, imaging=eye.imaging.model_copy(update={"blur_px": eye.imaging.blur_px + OTHER_BLUR_PX}))
-        for eye in model.eyes
+        replace(eye, imaging=eye.imaging.model_copy(update={"blur_px": eye.imaging.blur_px + 0.5}))
+        for eye in eyes
     ]
-    few, eyes = model.particles.first(LOOKS), model.eyes
-    larger = replace(few, diameter_mm=few.diameter_mm * OTHER_DIAMETER)
+    larger = replace(few, diameter_mm=few.diameter_mm * 1.2)
     as_they_are = model.by_height(eyes, few)
     return [
         PART * model.change([one.coarse - one.even for one in model.motions]),
-        model.other_heights(OTHER_HEIGHTS),
+        model.other_heights(0.3),
         (model.by_height(blurred, few) - as_they_are).mean(axis=1),
         (model.by_height(eyes, larger) - as_they_are).mean(axis=1),
     ]

@@ -36,15 +36,10 @@ from gelforge.virtual_lab.particles import gel_boxes, place_particles
 
 REGIONS = 8  # along each side: 15 to 20 particles per region of the published sensor's gel
 PRESET = "fine"  # of the flow, as the factory's features
-DRAWINGS = 32  # placements of particles, for the mean and its scatter
 SPREAD_PX = 10.0  # over which the search spreads what it finds: about the distance of particles in the image
-MOST_SITES = 12  # positions whose images are looked at
 # Largest mean motion of a region in an image that is looked at. Where particles move farther the search mistakes some:
 # at 6 px the flow in drawn images grows by twice what the gel's motion grows by, at 2 px by 1.05 (measured on the demo).
 MOST_PX = 2.5
-FIELD_CELLS = 40  # along each side, of the field by which an image is warped: as wide as SPREAD_PX
-SLOPE_STEP_MM = 1e-3  # of a displacement, for the slope of a projection: its curvature is 1e-5 of it
-FAR_MM = 1e4  # from where a flat scale is drawn as a pinhole: parallel rays within 1e-3
 
 
 @dataclass(frozen=True)
@@ -59,6 +54,15 @@ class CameraView:
     def frame(self) -> tuple[int, ...]:
         """Return left, top, width and height [px] of the image in that of the camera."""
         return self.crop_px or (0, 0, self.camera.width_px, self.camera.height_px)
+
+    def pixels(self, points: np.ndarray) -> np.ndarray:
+        """Return where points (Q, 3) [mm] are seen (Q, 2) [px] in the frame of the camera; u, v."""
+        return project(pinhole(self.camera), points)[0]
+
+    def in_frame(self, pixels: np.ndarray) -> np.ndarray:
+        """Return u and v (2, Q) [px] from the image's upper left corner."""
+        left, top, *_ = self.frame
+        return (pixels - [left - 0.5, top - 0.5]).T
 
 
 @dataclass(frozen=True)
@@ -94,14 +98,15 @@ class Particles:
         return np.split(field, np.cumsum([len(p) for p in self.placed])[:-1])
 
 
-def likely_particles(sensor: Sensor, seed: int) -> Particles:
+def likely_particles(sensor: Sensor, seed: int, drawings: int = 32) -> Particles:
     """Return placements at the sensor's volume fraction. Raises VirtualLabError where no layer carries particles.
 
-    Their diameter is that of the virtual lab's default, 0.3 mm: no file of a session states it.
+    drawings: how many, for the mean of drawn images and its scatter. Their diameter is that of the virtual lab's default,
+    0.3 mm: no file of a session states it.
     """
     share = max(layer.particle_volume_fraction for layer in sensor.layers)
     settings = VirtualParticles(**({"volume_fraction": min(share, 0.1)} if share > 0 else {}))
-    placed = [place_particles(settings, sensor, f"flow {seed} {k}") for k in range(DRAWINGS)]
+    placed = [place_particles(settings, sensor, f"flow {seed} {k}") for k in range(drawings)]
     return Particles(tuple(placed), settings.diameter_mm)
 
 
@@ -121,29 +126,26 @@ def mean_motion(
 
     seen: (Q,) by how much each point counts.
     """
-    camera = pinhole(eye.camera)
-    pixels, _ = project(camera, points)
-    return _parts_of_regions(eye, pixels, seen).T @ (project(camera, points + moved)[0] - pixels)
+    pixels = eye.pixels(points)
+    return _parts_of_regions(eye, pixels, seen).T @ (eye.pixels(points + moved) - pixels)
 
 
 def mean_motion_slope(
     eye: CameraView, points: np.ndarray, moved: np.ndarray, weights: csr_array
 ) -> np.ndarray:
     """Return d mean motion / d displacement (m, 2, G, 3) [px/mm] of nodes, whose weights at the points are (Q, G)."""
-    camera = pinhole(eye.camera)
-    part = _parts_of_regions(eye, project(camera, points)[0])
-    slopes = []
-    for step in SLOPE_STEP_MM * np.eye(3):
-        beside = [project(camera, points + moved + way * step)[0] for way in (1, -1)]
-        slopes.append((beside[0] - beside[1]) / (2 * SLOPE_STEP_MM))
-    found = [[(weights.T @ (part * along[:, k, None])).T for along in slopes] for k in range(2)]
-    return np.moveaxis(np.array(found), (0, 1, 2, 3), (1, 3, 0, 2))
+    part = _parts_of_regions(eye, eye.pixels(points))
+    slopes, size = [], 1e-3  # mm, over which the projection's curvature is 1e-5 of its slope
+    for step in size * np.eye(3):
+        there, back = (eye.pixels(points + moved + sign * step) for sign in (1, -1))
+        slopes.append((there - back) / (2 * size))
+    by_node = [[(weights.T @ (part * along[:, k, None])).T for along in slopes] for k in range(2)]
+    return np.moveaxis(np.array(by_node), (0, 1, 2, 3), (1, 3, 0, 2))
 
 
 def _parts_of_regions(eye: CameraView, pixels: np.ndarray, weight: np.ndarray | float = 1.0) -> np.ndarray:
     """Return the weights (Q, m) of points seen at pixels (Q, 2) in each region's mean; they add up to 1 over the points."""
-    left, top, width, height = eye.frame
-    u, v = (pixels - [left - 0.5, top - 0.5]).T
+    (u, v), (*_, width, height) = eye.in_frame(pixels), eye.frame
     rows, columns = _within(v, height), _within(u, width) * np.reshape(weight, (-1, 1))
     part = (rows[:, :, None] * columns[:, None, :]).reshape(len(pixels), -1)
     return part / np.maximum(part.sum(axis=0), np.finfo(float).tiny)
@@ -166,7 +168,7 @@ def region_middles(eye: CameraView) -> np.ndarray:
 def away_from_indenter(press: FlowObservation) -> np.ndarray:
     """Return how far the middle of each region (m,) [px] is from where the indenter's lowest point touches."""
     contact = np.array([[press.row["x_mm"], press.row["y_mm"], 0.0]], dtype=float)
-    return np.linalg.norm(region_middles(press.eye) - project(pinhole(press.eye.camera), contact)[0], axis=1)
+    return np.linalg.norm(region_middles(press.eye) - press.eye.pixels(contact), axis=1)
 
 
 def region_means(flow: np.ndarray) -> np.ndarray:
@@ -187,8 +189,9 @@ def seen_flows(
     observations: Observations,
     sensor: Sensor,
     depth_mm: float | None = None,
+    most_sites: int = 12,
 ) -> list[FlowObservation]:
-    """Return the flow of one indentation at each of at most MOST_SITES sites, of sessions with images that say their camera.
+    """Return the flow of one indentation at each of so many sites at most, of sessions with images that say their camera.
 
     The first site, then always the farthest from those. depth_mm: the nearest to it that has images; None: to the deepest
     at which the first site moves no region by more than MOST_PX, or the smallest.
@@ -210,7 +213,7 @@ def seen_flows(
     if not by_site:
         return []
     sites = sorted(by_site)
-    chosen = [sites[k] for k in spread_out(observations.sites[sites], MOST_SITES, 0)]
+    chosen = [sites[k] for k in spread_out(observations.sites[sites], most_sites, 0)]
     depth = _depth_seen(by_site[chosen[0]]) if depth_mm is None else depth_mm
     nearest = [min(by_site[site], key=lambda one: abs(one.depth_mm - depth)) for site in chosen]
     return _with_common_noise([_measured(one) for one in nearest])
@@ -248,11 +251,11 @@ def _with_common_noise(seen: list[FlowObservation]) -> list[FlowObservation]:
     noise = np.sqrt(np.mean([press.noise**2 for press in seen], axis=0))
     greys = pd.Series([press.eye.imaging.noise_grey for press in seen])
     grey = np.sqrt((greys**2).groupby([press.row["session"] for press in seen]).transform("mean"))
-    found = []
+    observed = []
     for press, noise_grey in zip(seen, grey):
         imaging = press.eye.imaging.model_copy(update={"noise_grey": float(noise_grey)})
-        found.append(replace(press, noise=noise, eye=replace(press.eye, imaging=imaging)))
-    return found
+        observed.append(replace(press, noise=noise, eye=replace(press.eye, imaging=imaging)))
+    return observed
 
 
 def _measured(one: Pictured) -> FlowObservation:
@@ -297,11 +300,11 @@ class Scene:
         one another.
         """
         fields = self.particles.each(moved)
-        found = []
+        differences = []
         for k, (search, points, field_of) in enumerate(zip(self.searches, self.particles.placed, fields)):
             drawn = region_means(search(self._picture(points + field_of, k, 1)))
-            found.append(drawn - flow_of_warp(search, self.untouched[k], field, self.eye.imaging, k))
-        return np.stack(found)
+            differences.append(drawn - flow_of_warp(search, self.untouched[k], field, self.eye.imaging, k))
+        return np.stack(differences)
 
     def _picture(self, centres: np.ndarray, drawing: int, which: int) -> np.ndarray:
         """Return the image of particles with the noise of that drawing, the same for every motion."""
@@ -318,35 +321,34 @@ def flow_of_warp(
     return region_means(search(moved))
 
 
-def motion_field(eye: CameraView, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Return the mean motion (H, W, 2) float32 [px] of points (Q, 3) [mm] seen near each pixel, moved by (Q, 3) [mm]."""
-    camera = pinhole(eye.camera)
-    left, top, width, height = eye.frame
-    pixels, _ = project(camera, points)
-    motion = project(camera, points + moved)[0] - pixels
-    u, v = (pixels - [left - 0.5, top - 0.5]).T
-    rows, columns = _within(v, height, FIELD_CELLS), _within(u, width, FIELD_CELLS)
+def motion_field(eye: CameraView, points: np.ndarray, moved: np.ndarray, cells: int = 40) -> np.ndarray:
+    """Return the mean motion (H, W, 2) float32 [px] of points (Q, 3) [mm] seen near each pixel, moved by (Q, 3) [mm].
+
+    cells: along each side, between which it is interpolated; as wide as SPREAD_PX.
+    """
+    pixels = eye.pixels(points)
+    motion = eye.pixels(points + moved) - pixels
+    (u, v), (*_, width, height) = eye.in_frame(pixels), eye.frame
+    rows, columns = _within(v, height, cells), _within(u, width, cells)
     seen = np.maximum(rows.T @ columns, np.finfo(np.float32).eps)  # far from all points nothing moves
-    cells = np.stack([rows.T @ (columns * motion[:, k, None]) / seen for k in range(2)], axis=-1)
-    return enlarged(cells, width, height)
+    means = np.stack([rows.T @ (columns * motion[:, k, None]) / seen for k in range(2)], axis=-1)
+    return enlarged(means, width, height)
 
 
 def pinhole(camera: Camera) -> Camera:
     """Return a camera as a pinhole; a flat scale as one so far away that its rays are parallel."""
     if camera.focal_px is not None:
         return camera
-    far = np.asarray(camera.position_mm) - FAR_MM * image_axes(camera)[2]
-    focal_px = FAR_MM / given(camera.mm_per_px, "camera.mm_per_px")
+    away_mm = 1e4  # rays are parallel within 1e-3
+    far = np.asarray(camera.position_mm) - away_mm * image_axes(camera)[2]
+    focal_px = away_mm / given(camera.mm_per_px, "camera.mm_per_px")
     changed = {"mm_per_px": None, "focal_px": focal_px, "position_mm": far.tolist()}
     return Camera(**(camera.model_dump() | changed))
 
 
 def shows_gel(eye: CameraView, particles: Particles) -> np.ndarray:
     """Return (m,) bool: the regions in which particles are seen."""
-    camera = pinhole(eye.camera)
-    left, top, width, height = eye.frame
-    pixels, _ = project(camera, particles.points)
-    u, v = (pixels - [left - 0.5, top - 0.5]).T
+    (u, v), (*_, width, height) = eye.in_frame(eye.pixels(particles.points)), eye.frame
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
     row, column = (at[inside] * REGIONS // pixels for at, pixels in ((v, height), (u, width)))
     number = row.astype(int) * REGIONS + column.astype(int)

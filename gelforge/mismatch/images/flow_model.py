@@ -41,11 +41,6 @@ from gelforge.recording.imaging.flow import Flow
 from gelforge.virtual_lab.particles import interpolation
 from gelforge.workers import each
 
-LOOKS = 3  # placements in which another look of the particles is drawn: their scatter is a part of a part
-STEP_MM = 0.05  # of depth, over which the flow's slope is taken
-# What the recording does not state of its particles' look is off by as much: blur by half a pixel, diameter by a fifth.
-OTHER_BLUR_PX, OTHER_DIAMETER = 0.5, 1.2
-
 
 @dataclass(frozen=True)
 class Moved:
@@ -251,9 +246,9 @@ class FlowModel:
         nothing = np.zeros(self.mean.shape[1:])
         return self.found * np.stack([one.along.get(key, nothing) for one in self.motions])
 
-    def slope(self) -> np.ndarray:
-        """Return d flow / d depth (F, m, 2) [px/mm]."""
-        return -self.change([-STEP_MM * one.per_depth for one in self.motions]) / STEP_MM
+    def slope(self, step_mm: float = 0.05) -> np.ndarray:
+        """Return d flow / d depth (F, m, 2) [px/mm], over a step."""
+        return -self.change([-step_mm * one.per_depth for one in self.motions]) / step_mm
 
     def columns(self, effect: Effect, shape: Shape, number: int) -> np.ndarray:
         """Return the change of the flow (F, m, 2, P) [px per unit] by each value of an effect. Raises FlowUnknown."""

@@ -21,8 +21,8 @@ from gelforge.mismatch.evidence.kernels import Kernel, Module, log_priors
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.refit import Refitted
 from gelforge.mismatch.inference.holdout import Blocks, Prediction, held_out_of
-from gelforge.mismatch.result.verdict import SURE, HeldOut
-from gelforge.mismatch.thresholds import SCALES, TEMPERING
+from gelforge.mismatch.result.verdict import HeldOut
+from gelforge.mismatch.thresholds import SCALES, SURE, TEMPERING
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +37,8 @@ class Modelled:
     left: np.ndarray  # (n,) [N] measured less the prediction by the training readings
     rest: np.ndarray  # (n,) [N] measured less what is learnt from all readings, with the fitted effects
     held: HeldOut  # what was held out, over the fitted effects alone
-    fit: (
-        Refitted | None
-    )  # the fitted effects with their values next to this change, by all readings; None: alone
+    # the fitted effects with their values next to this change, by all readings; None: alone
+    fit: Refitted | None
     probability: float  # of its cause, by all readings
 
     @property
@@ -122,8 +121,8 @@ class _Beside:
         if fit is None or left is None:
             columns = np.zeros((len(problem.labels), 0))
             return cls(problem.residual, problem.covariance, columns, np.zeros(0, int))
-        uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts)).covariance
-        on = np.concatenate([np.full(len(a), part.binary) for part, a in zip(fit.parts, fit.amounts)])
+        uncertain = problem.with_model_error(fit.terms).covariance
+        on = np.concatenate([np.full(len(a), part.binary) for part, a in fit.terms])
         free = np.flatnonzero(~on)
         return cls(left, uncertain, fit.columns[:, free] * fit.prior_sd[free], free)
 

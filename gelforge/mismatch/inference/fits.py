@@ -19,7 +19,7 @@ from gelforge.config import ConfigError
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.evidence.problem import Problem, secant
 from gelforge.mismatch.evidence.refit import Refitted, refitted
-from gelforge.mismatch.evidence.screen import Candidate, Screened, screened, split
+from gelforge.mismatch.evidence.screen import Candidate, Screened, Term, screened, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior
 from gelforge.mismatch.model.effect import unturned
 from gelforge.mismatch.readings.observations import spread_out
@@ -34,8 +34,6 @@ from gelforge.mismatch.thresholds import (
     STRONG_SNR,
 )
 from gelforge.progress import stage
-
-ORDER = 2  # of the polynomial
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,22 +61,22 @@ def fitted(problem: Problem, posterior: Posterior, posterior_of: Callable[[Probl
     fits: dict[Effects, Refitted] = {}
     failed: dict[Effects, str] = {}
     left = {True: MOST_SOLVED, False: MOST_FREE}
-    while (wanted := _next(found := _with_fits(posterior, first, fits, failed), fits, failed)) is not None:
-        wanted = _largest_first(problem, found, wanted, {*fits, *failed})
-        costs = any(map(problem.solves, found.sets[wanted].parts))
+    while (wanted := _next(current := _with_fits(posterior, first, fits, failed), fits, failed)) is not None:
+        wanted = _largest_first(problem, current, wanted, {*fits, *failed})
+        costs = any(map(problem.solves, current.sets[wanted].parts))
         if not left[costs]:
             break
         left[costs] -= 1
         stage(f"fit of {words_of(wanted)}")
         try:
-            fits[wanted], again = through_solutions(problem, relinearised, found.sets[wanted])
+            fits[wanted], again = through_solutions(problem, relinearised, current.sets[wanted])
         except (NotConverged, ConfigError) as failure:
             failed[wanted] = f"could not be solved: {failure}"
             continue
         if again is not relinearised:
             relinearised, posterior = again, posterior_of(again)
     notes = tuple(f"{words_of(effects)} {why}" for effects, why in failed.items())
-    return Fits(relinearised, found, fits, notes)
+    return Fits(relinearised, current, fits, notes)
 
 
 def _largest_first(
@@ -92,7 +90,7 @@ def _largest_first(
     if len(wanted) == 1:
         return wanted
     one = posterior.sets[wanted]
-    changes = [part.columns @ a for part, a in zip(one.parts, split(one.parts, one.amounts))]
+    changes = [part.columns @ a for part, a in one.terms]
     sizes = np.linalg.norm(problem.covariance.whiten(np.column_stack(changes)), axis=0)
     alone = frozenset({one.parts[int(np.argmax(sizes))].name})
     return wanted if alone in done or alone not in posterior.sets else alone
@@ -128,7 +126,7 @@ def by_columns(problem: Problem, start: Screened) -> Refitted:
 
 def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
     """Return the forces (R, 3) [N] at all readings with fitted effects, solved. Raises NotConverged."""
-    return problem.forces_with(fit.parts, fit.amounts, np.ones(len(problem.base), bool))
+    return problem.forces_with(fit.terms, np.ones(len(problem.base), bool))
 
 
 def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
@@ -216,27 +214,29 @@ def at_few_sites(problem: Problem) -> Problem:
         return problem
     table = problem.observations.table
 
-    def change_of(parts: Sequence[Candidate], amounts: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
-        linear, near = problem.linear_change(parts, amounts), rows
+    def change_of(terms: Sequence[Term], rows: np.ndarray) -> np.ndarray:
+        linear, near, parts = problem.linear_change(terms), rows, [part for part, _ in terms]
         if not (any(part.binary for part in parts) or problem.path_dependent(parts)):
             near = np.isin(table["site"], chosen_sites(problem, linear, parts))
-        solved = problem.forces_with(parts, amounts, near) - problem.base
+        solved = problem.forces_with(terms, near) - problem.base
         return bent(linear, solved, near, table["depth_mm"].to_numpy(float))
 
     return problem.with_changes(problem.solves, change_of)
 
 
-def bent(linear: np.ndarray, solved: np.ndarray, near: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def bent(
+    linear: np.ndarray, solved: np.ndarray, near: np.ndarray, depth: np.ndarray, order: int = 2
+) -> np.ndarray:
     """Return a change (R, 3) [N]: as solved at the rows near (R,) bool, elsewhere linear, bent by a polynomial of depth."""
     change = linear.copy()
     change[near] = np.where(np.isfinite(solved[near]), solved[near], linear[near])
-    powers = (depth / max(depth.max(initial=0.0), np.finfo(float).tiny))[:, None] ** np.arange(ORDER + 1)
+    powers = (depth / max(depth.max(initial=0.0), np.finfo(float).tiny))[:, None] ** np.arange(order + 1)
     for axes in ([2], [0, 1]):
-        columns = (linear[:, axes, None] * powers[:, None, :]).reshape(-1, ORDER + 1)
+        columns = (linear[:, axes, None] * powers[:, None, :]).reshape(-1, order + 1)
         rows = np.repeat(near, len(axes))
         more = (change[:, axes] - linear[:, axes]).ravel()
         # a prior that holds the bend at none, as a share of the change's mean square
-        hold = 1e-3 * np.mean(columns[rows, 0] ** 2) * rows.sum() * np.eye(ORDER + 1)
+        hold = 1e-3 * np.mean(columns[rows, 0] ** 2) * rows.sum() * np.eye(order + 1)
         A = columns[rows].T @ columns[rows] + hold
         if A.any():
             bend = columns @ np.linalg.lstsq(A, columns[rows].T @ more[rows], rcond=None)[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,67 +55,6 @@ def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
     return Blocks(~positions & ~deep, {"positions": positions, "deepest": deep})
 
 
-def predictive_scores(
-    residual: np.ndarray,
-    covariance: Covariance,
-    blocks: Blocks,
-    labels: pd.DataFrame,
-    columns: np.ndarray | None = None,
-    amounts_covariance: np.ndarray | None = None,
-    change: np.ndarray | None = None,
-) -> pd.DataFrame:
-    """Return the predictive log score of every block: columns block, site, entries, score, apart.
-
-    residual (n,): measured less the model with the values fitted to the training readings. columns (n, p) and
-    amounts_covariance (p, p): the change per unit of the parameter at these values and what the training readings leave
-    open of them; none for a model without values. change (n,): to a model beside this one, whose squared distance is
-    `apart`.
-
-    Blocks are scored in turn, each given the training readings and the blocks before it, so that the scores add up to the
-    joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of an indentation that is held out as a whole stay
-    free: nothing of it is fitted.
-    """
-    if not blocks.train.any():
-        raise ValueError("no training readings are left; give more than one site or depth")
-    V = residual[:, None]
-    if columns is not None and columns.shape[1]:
-        if amounts_covariance is None:
-            raise ValueError("what is open of the amounts is not given; give amounts_covariance with columns")
-        l, E = np.linalg.eigh(amounts_covariance)
-        V = np.column_stack([residual, columns @ (E * np.sqrt(np.maximum(l, 0)))])
-    V = np.column_stack([V, np.zeros_like(residual) if change is None else change])
-
-    def products(entries: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return v' C^-1 w for the columns v, w of V on some entries, and ln det C there."""
-        part = covariance.restricted(entries)
-        white = part.whiten(V[entries])
-        return white.T @ white, part.log_det
-
-    site = labels["site"].to_numpy()
-    rows, known, sums = [], blocks.train.copy(), np.zeros(2)
-    trained, of_trained = products(known)
-    for name, entries in _in_turn(labels, blocks):
-        known = known | entries
-        G, log_det = products(known)
-        G = G - trained
-        score = _log_score(G[:-1, :-1], log_det - of_trained, int((known & ~blocks.train).sum()))
-        new = np.array([score, G[-1, -1] + _variance_of_spread(G[1:-1, 1:-1])])
-        rows.append((name, int(site[entries][0]), int(entries.sum()), *(new - sums)))
-        sums = new
-    return pd.DataFrame(rows, columns=["block", "site", "entries", "score", "apart"])
-
-
-def gain(before: pd.DataFrame, after: pd.DataFrame) -> tuple[float, float]:
-    """Return the gain of scores `after` over `before` of the same blocks, and its standard error, which noise gives it.
-
-    `before` is that of the change between the two, `after` has the uncertainty of its values.
-    Not from the scatter of the blocks' gains: an effect that sits at one place gains at few of them.
-    """
-    total = float((after["score"] - before["score"]).sum())
-    apart = before["apart"].sum() + after["apart"].sum()
-    return total, float(np.sqrt(max(apart, 0.0)))
-
-
 @dataclass(frozen=True, eq=False)
 class Prediction:
     """What a model fitted to the training readings leaves of all, and how well its values are known."""
@@ -126,26 +65,66 @@ class Prediction:
     spread: np.ndarray | None = None  # (p, p) of the values
 
 
+def predictive_scores(
+    prediction: Prediction, blocks: Blocks, change: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
+    """Return by block the predictive log score, and the squared distance to a model beside this one.
+
+    change (n,): to that model. Blocks are scored in turn, each given the training readings and the blocks before it, so that
+    the scores add up to the joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of an indentation that is held
+    out as a whole stay free: nothing of it is fitted.
+    """
+    if not blocks.train.any():
+        raise ValueError("no training readings are left; give more than one site or depth")
+    V = prediction.left[:, None]
+    if prediction.columns is not None and prediction.spread is not None and prediction.spread.size:
+        l, E = np.linalg.eigh(prediction.spread)
+        V = np.column_stack([V, prediction.columns @ (E * np.sqrt(np.maximum(l, 0)))])
+    V = np.column_stack([V, np.zeros(len(V)) if change is None else change])
+
+    def products(entries: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return v' C^-1 w for the columns v, w of V on some entries, and ln det C there."""
+        part = prediction.covariance.restricted(entries)
+        white = part.whiten(V[entries])
+        return white.T @ white, part.log_det
+
+    scores: dict[str, np.ndarray] = {}
+    known, sums = blocks.train, np.zeros(2)
+    trained, of_trained = products(known)
+    for name, entries in blocks.held.items():
+        if entries.any():
+            known = known | entries
+            G, log_det = products(known)
+            G = G - trained
+            score = _log_score(G[:-1, :-1], log_det - of_trained, int((known & ~blocks.train).sum()))
+            total = np.array([score, G[-1, -1] + _variance_of_spread(G[1:-1, 1:-1])])
+            scores[name], sums = total - sums, total
+    return scores
+
+
+def gain(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """Return the gain of scores `after` (2,) over `before` of the same readings, and its standard error by their noise.
+
+    `before` has the distance of the change between the two, `after` that of its uncertain values. Not from the scatter of
+    the blocks' gains: an effect that sits at one place gains at few of them.
+    """
+    return float(after[0] - before[0]), float(np.sqrt(max(before[1] + after[1], 0.0)))
+
+
 def held_out_of(problem: Problem, blocks: Blocks, before: Prediction, after: Prediction) -> list[HeldOut]:
     """Return how two predictions meet what was held out: all of it, then block by block. Errors are those of the forces."""
-    labels, change = problem.labels, before.left - after.left
-    scores = [
-        predictive_scores(
-            before.left, before.covariance, blocks, labels, before.columns, before.spread, change
-        ),
-        predictive_scores(after.left, after.covariance, blocks, labels, after.columns, after.spread),
-    ]
-    found = []
+    scores = predictive_scores(before, blocks, before.left - after.left), predictive_scores(after, blocks)
+    held = []
     for name, mask in {"all": blocks.held_out, **blocks.held}.items():
         if not mask.any():
             continue
-        own = [one if name == "all" else one[one["block"] == name] for one in scores]
+        own = [np.sum([*one.values()], axis=0) if name == "all" else one[name] for one in scores]
         total, error = gain(*own)
-        errors = (score(labels, one.left, mask & problem.of_force) for one in (before, after))
-        found.append(
+        errors = (score(problem.labels, one.left, mask & problem.of_force) for one in (before, after))
+        held.append(
             HeldOut(block=name, before=next(errors), after=next(errors), gain=total, standard_error=error)
         )
-    return found
+    return held
 
 
 def selection_penalty_of(trained: np.ndarray, by_all: np.ndarray) -> float:
@@ -172,14 +151,6 @@ def _variance_of_spread(B: np.ndarray) -> float:
     return float(0.5 * np.sum((b / (1 + b)) ** 2))
 
 
-def _in_turn(labels: pd.DataFrame, blocks: Blocks) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield name and entries (n,) bool of one site of a block after the other."""
-    site = labels["site"].to_numpy()
-    for name, mask in blocks.held.items():
-        for value in pd.unique(site[mask]):
-            yield name, mask & (site == value)
-
-
 @dataclass(frozen=True, eq=False)
 class Proof:
     """Held-out readings, predicted by the base and by an answer that was fitted to the others."""
@@ -194,7 +165,7 @@ def proof_of(problem: Problem, fit: Refitted, left: np.ndarray, blocks: Blocks) 
     fit: of all readings, left (n,) [N] what it leaves; its values, and places, by the training readings alone follow by one
     linear step about it, as its columns are those of the real model there.
     """
-    uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts)).covariance
+    uncertain = problem.with_model_error(fit.terms).covariance
     step, spread = _training_step(uncertain, fit, left, blocks.train)
     base = Prediction(problem.residual, problem.covariance)
     answer = Prediction(left - fit.columns @ step, uncertain, fit.columns, spread)
@@ -239,9 +210,9 @@ def _evidence(problem: Problem, sets: Sequence[Screened], mask: np.ndarray) -> n
 def folds_of(problem: Problem, fit: Refitted, left: np.ndarray) -> list[HeldOut]:
     """Return, where sites are few, how the answer fitted to the others predicts each of them."""
     sites = np.sort(problem.observations.table["site"].unique())
-    found = []
+    folds = []
     for turn, site in enumerate(sites if 1 < len(sites) < FEW_SITES else (), start=1):
         x, y = problem.observations.sites[site]
         proof = proof_of(problem, fit, left, split(problem.labels, 0, turn))
-        found.append(proof.held[0].model_copy(update={"block": f"site ({x:g}, {y:g}) mm"}))
-    return found
+        folds.append(proof.held[0].model_copy(update={"block": f"site ({x:g}, {y:g}) mm"}))
+    return folds

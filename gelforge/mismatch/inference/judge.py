@@ -30,8 +30,16 @@ from gelforge.mismatch.inference.fits import (
 from gelforge.mismatch.inference.holdout import Blocks, Proof, after_penalty, folds_of, proof_of, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior, chance_of_known, posterior_of
 from gelforge.mismatch.inference.scan import ResidualTests, residual_tests
-from gelforge.mismatch.result.verdict import ALARM_P, LEFT_P, SURE, Group, HeldOut
-from gelforge.mismatch.thresholds import DETECTED_SNR, LIKELY, MOST_EFFECTS, NOTHING_P, WORTH_SOLVING
+from gelforge.mismatch.result.verdict import Group, HeldOut
+from gelforge.mismatch.thresholds import (
+    ALARM_P,
+    DETECTED_SNR,
+    LEFT_P,
+    MOST_EFFECTS,
+    NEGLIGIBLE,
+    NOTHING_P,
+    SURE,
+)
 from gelforge.progress import stage
 
 
@@ -39,9 +47,7 @@ from gelforge.progress import stage
 class Answer:
     """Effects that were put into the base, and what speaks for them."""
 
-    posterior: Posterior
-    winner: Screened  # the most probable set by its linear change
-    fit: Refitted  # the same to all readings, its values with their plausible widths
+    fit: Refitted  # of the most probable set to all readings, its values with their plausible widths
     refits: Mapping[Effects, Refitted]
     groups: tuple[Group, ...]  # one per effect of the fit
     after: np.ndarray  # (R, 3) [N] forces with the effects
@@ -54,13 +60,6 @@ class Answer:
         """Return the groups that are claimed."""
         return tuple(group for group in self.groups if group.probability >= SURE)
 
-    @property
-    def discrepancy_words(self) -> str:
-        """Return the kernel that a discrepancy would most probably have, in words."""
-        unknown, probability = self.posterior.unknown, self.posterior.probability
-        shares = unknown[max(unknown, key=lambda effects: probability[effects | {UNKNOWN}])].shares
-        return max(shares, key=shares.__getitem__)
-
 
 def explained(
     problem: Problem,
@@ -69,9 +68,13 @@ def explained(
     blocks: Blocks,
     settings: Mismatch,
     rng: np.random.Generator,
-) -> tuple[Answer | None, list[str]]:
-    """Return the answer to a mismatch, None where no effect could be fitted, and what went wrong on the way."""
-    if max((posterior.holding([name]) for name in posterior.singles), default=0.0) < WORTH_SOLVING:
+) -> tuple[Answer | None, Posterior, list[str]]:
+    """Return the answer to a mismatch, the posterior about it, and what went wrong on the way.
+
+    Where no effect could be fitted there is no answer, and the posterior stays as it is.
+    """
+    before = posterior
+    if max((posterior.holding([name]) for name in posterior.singles), default=0.0) < NEGLIGIBLE:
         problem = problem.linearised()
     elif posterior.holding([UNKNOWN]) >= SURE:
         # Softening explains nothing by itself then: to follow all indentations in order takes minutes and decides nothing.
@@ -80,33 +83,32 @@ def explained(
     if relinearised is not problem:
         problem, posterior = relinearised, posterior_of(relinearised, kernels)
     real = at_few_sites(problem)
-    found = fitted(real, posterior, lambda relinearised: posterior_of(relinearised, kernels))
-    notes, mode = [*found.notes, *([note] if note else [])], found.mode
+    fits = fitted(real, posterior, lambda relinearised: posterior_of(relinearised, kernels))
+    notes, mode = [*fits.notes, *([note] if note else [])], fits.mode
     if mode is None:
-        return None, notes
-    problem, posterior = found.problem, found.posterior
+        return None, before, notes
+    problem, posterior = fits.problem, fits.posterior
     stage("amounts of the answer at their plausible widths")
-    fit, note = _at_prior_sd(real, problem, posterior.sets[mode], found.fits[mode])
+    fit, note = _at_prior_sd(real, problem, posterior.sets[mode], fits.fits[mode])
     notes += [note] if note else []
     after = forces_of(problem, fit)
     left = problem.observations.flat(problem.observations.force - after)
-    uncertain = problem.with_model_error(fit.parts, np.concatenate(fit.amounts))
+    uncertain = problem.with_model_error(fit.terms)
     stage("the answer on held-out readings, and what it leaves")
     proof = proof_of(problem, fit, left, blocks) if blocks.held_out.any() else None
     if proof is not None:
         proof = after_penalty(proof, problem, posterior, blocks.train)
     return (
         Answer(
-            posterior=posterior,
-            winner=posterior.sets[mode],
             fit=averaged(posterior, mode, fit),
-            refits=found.fits,
+            refits=fits.fits,
             groups=groups_of(problem, posterior, fit),
             after=after,
             adequacy=residual_tests(uncertain, left, settings.draws, rng, fit.columns),
             proof=proof,
             folds=folds_of(problem, fit, left),
         ),
+        posterior,
         notes,
     )
 
@@ -148,7 +150,7 @@ def averaged(posterior: Posterior, mode: Effects, fit: Refitted) -> Refitted:
     """
     spread, at = fit.spread.copy(), 0
     values = {effects: one.by_name for effects, one in posterior.sets.items()}
-    for part, amounts in zip(fit.parts, fit.amounts):
+    for part, amounts in fit.terms:
         rows = slice(at, at + len(amounts))
         at += len(amounts)
         if not (part.binary or part.moved_from is not None):
@@ -238,15 +240,15 @@ def judge(problem: Problem, settings: Mismatch, seed: int) -> Judgement:
         ]
         state = "consistent" if _could_have_seen(physics) else "inconclusive"
         return Judgement(state, blocks, mismatch, posterior, None, None, ())
-    answer, notes = explained(problem, posterior, kernels, blocks, settings, rng)
-    found = posterior if answer is None else answer.posterior
+    answer, posterior, notes = explained(problem, posterior, kernels, blocks, settings, rng)
     out = answer is not None and not in_range(problem, answer.fit)
     model = None
-    if blocks.held_out.any() and (answer is None or out or _wanting(answer)):
+    if blocks.held_out.any() and (answer is None or out or _wanting(posterior, answer)):
         stage("a model of what no known effect explains")
-        model = _modelled(problem, kernels, blocks, None if out else answer, found.causes)
+        model = _modelled(problem, kernels, blocks, None if out else answer, posterior.causes)
         answer = answer if out else _beside_cause(problem, answer, model)
-    return Judgement(_state(answer, out, model), blocks, mismatch, found, answer, model, tuple(notes), out)
+    state = _state(posterior, answer, out, model)
+    return Judgement(state, blocks, mismatch, posterior, answer, model, tuple(notes), out)
 
 
 def _alarm(mismatch: ResidualTests, posterior: Posterior) -> bool:
@@ -303,18 +305,15 @@ def _could_have_seen(singles: Sequence[Screened]) -> bool:
 
 def in_range(problem: Problem, fit: Refitted) -> bool:
     """Return whether all values are physical and off their bounds."""
-    return all(
-        part.binary or problem.effects[part.name].in_range(amounts)
-        for part, amounts in zip(fit.parts, fit.amounts)
-    )
+    return all(part.binary or problem.effects[part.name].in_range(a) for part, a in fit.terms)
 
 
-def _wanting(answer: Answer) -> bool:
-    """Return whether an answer leaves more than noise, or a discrepancy is likely beside it or instead."""
-    return answer.adequacy.p <= LEFT_P or answer.posterior.holding([UNKNOWN]) > LIKELY
+def _wanting(posterior: Posterior, answer: Answer) -> bool:
+    """Return whether an answer leaves more than noise, or a discrepancy is more probable than not."""
+    return answer.adequacy.p <= LEFT_P or posterior.holding([UNKNOWN]) > 0.5
 
 
-def _state(answer: Answer | None, out: bool, model: Modelled | None) -> str:
+def _state(posterior: Posterior, answer: Answer | None, out: bool, model: Modelled | None) -> str:
     """Return the state of a mismatch that is there.
 
     Identified is an effect, or effects of one line, or a cause with a free form, as probable as a claim has to be. A
@@ -327,7 +326,7 @@ def _state(answer: Answer | None, out: bool, model: Modelled | None) -> str:
     adequate = answer.adequacy.p > LEFT_P or (model is not None and model.beside)
     if answer.sure and adequate and (model is None or model.beside):
         return "identified"
-    if model is not None or not adequate or answer.posterior.holding([UNKNOWN]) > LIKELY:
+    if model is not None or not adequate or posterior.holding([UNKNOWN]) > 0.5:
         return "unexplained"
     leading = max(answer.groups, key=lambda group: group.chance)
     return "ambiguous" if len(leading.names) <= MOST_EFFECTS else "inconclusive"

@@ -23,8 +23,7 @@ class Linear:
     """Candidates against a residual, whitened."""
 
     candidates: Sequence[Candidate]
-    columns: np.ndarray  # (n, P) whitened, in units of plausible values; a switch's are whole
-    owner: np.ndarray  # (P,) number of the candidate
+    owner: np.ndarray  # (P,) number of the candidate of each whitened column, in units of plausible values
     projected: np.ndarray  # (P,) columns' r
     gram: np.ndarray  # (P, P)
     signs: np.ndarray  # (P,) 1, -1 or 0
@@ -43,7 +42,6 @@ class Linear:
         signs = np.concatenate([np.broadcast_to(c.signs, w.shape[1]) for c, w in zip(candidates, white)])
         return cls(
             candidates,
-            columns,
             owner,
             columns.T @ covariance.whiten(residual),
             columns.T @ columns,
@@ -72,15 +70,15 @@ class Linear:
 
     def log_bayes_factors(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Return the log evidence (m,) against none of sets (m, k) of candidates at scales (m, k), 1 for switches."""
-        found = np.empty(len(sets))
+        factors = np.empty(len(sets))
         kinds = np.stack([self.count[sets], self.binary[sets]], axis=-1).reshape(len(sets), -1)
         for kind in np.unique(kinds, axis=0):
             rows = np.flatnonzero((kinds == kind).all(axis=1))
             for part in np.array_split(rows, max(1, len(rows) // 20_000)):
-                found[part] = self._alike(sets[part], scales[part])
-        return found
+                factors[part] = self._of_one_kind(sets[part], scales[part])
+        return factors
 
-    def _alike(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    def _of_one_kind(self, sets: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Return the same of sets whose candidates have, place by place, as many columns."""
         on = self.binary[sets[0]]
         free = [self._columns_of(sets[:, k]) for k in np.flatnonzero(~on)]

@@ -11,9 +11,6 @@ from scipy.spatial import cKDTree
 
 from gelforge.mismatch.readings.observations import spread_out
 
-BUMP_WIDTHS = (0.7, 1.5, 3.0)  # standard deviations, in distances of neighbouring sites
-PARTS = 4  # depth bands
-STEPS = 8  # parts of a session, between which the readings may step
 AXES = "xyz"
 FLOW = {
     "force along x": "flow along u",
@@ -45,9 +42,8 @@ class Atoms:
     values: np.ndarray
 
 
-Profile = tuple[
-    Pattern, np.ndarray, str
-]  # its values (n,), and the axes along which it may be a force of its own
+# A pattern, its values (n,), and the axes along which it may be a force of its own.
+Profile = tuple[Pattern, np.ndarray, str]
 
 
 def dictionary(labels: pd.DataFrame, base: np.ndarray) -> Atoms:
@@ -55,14 +51,14 @@ def dictionary(labels: pd.DataFrame, base: np.ndarray) -> Atoms:
 
     Each pattern comes relative to the base, and as a force (or flow) of its own.
     """
-    found, channel = [], labels["channel"] if "channel" in labels else np.full(len(labels), "force")
+    atoms, channel = [], labels["channel"] if "channel" in labels else np.full(len(labels), "force")
     for name, rows in labels.groupby(np.asarray(channel), sort=False).indices.items():
         for pattern, values in _atoms(labels.iloc[rows].reset_index(drop=True), base[rows]):
             if np.any(values):
                 column = np.zeros(len(labels))
                 column[rows] = values
-                found.append((pattern if name == "force" else _of_flow(pattern), column))
-    patterns, columns = zip(*found)
+                atoms.append((pattern if name == "force" else _of_flow(pattern), column))
+    patterns, columns = zip(*atoms)
     return Atoms(patterns, np.column_stack(columns))
 
 
@@ -99,7 +95,7 @@ def _bumps(labels: pd.DataFrame) -> Iterator[Profile]:
         return
     spacing = float(np.median(cKDTree(sites).query(sites, k=2)[0][:, 1]))
     reach = np.hypot(*np.ptp(sites, axis=0))
-    for width in (w * spacing for w in BUMP_WIDTHS):
+    for width in (0.7 * spacing, 1.5 * spacing, 3.0 * spacing):  # standard deviations
         # 7 x 7 centres resolve what bumps as wide as their spacing can show
         for x, y in sites[spread_out(sites, 49)] if width < reach else ():
             values = np.exp(-((xy - (x, y)) ** 2).sum(axis=1) / (2 * width**2))
@@ -119,12 +115,12 @@ def _waves(labels: pd.DataFrame) -> Iterator[Profile]:
             yield Pattern(f"wave with {i} half waves along x and {j} along y", "wave"), values, AXES
 
 
-def _depths(labels: pd.DataFrame) -> Iterator[Profile]:
+def _depths(labels: pd.DataFrame, bands: int = 4) -> Iterator[Profile]:
     depth = labels["depth_mm"].to_numpy(float)
     deepest = depth.max(initial=0)
     if deepest <= 0 or np.ptp(depth) == 0:
         return
-    edges = deepest * np.arange(PARTS + 1) / PARTS
+    edges = deepest * np.arange(bands + 1) / bands
     for lo, hi in zip(edges, edges[1:]):
         values = ((depth > lo) & (depth <= hi)).astype(float)
         yield Pattern(f"depths {lo:.3g} to {hi:.3g} mm", "depth", {"depth_mm": [lo, hi]}), values, "z"
@@ -132,7 +128,7 @@ def _depths(labels: pd.DataFrame) -> Iterator[Profile]:
         yield Pattern(name, "depth", {"depth_mm": [0.0, deepest]}), (depth / deepest) ** power, "z"
 
 
-def _times(labels: pd.DataFrame) -> Iterator[Profile]:
+def _times(labels: pd.DataFrame, parts: int = 8) -> Iterator[Profile]:
     sessions = labels["session"].to_numpy()
     names = list(dict.fromkeys(sessions))
     for session in names:
@@ -147,8 +143,8 @@ def _times(labels: pd.DataFrame) -> Iterator[Profile]:
         begin, end = float(time[here].min()), float(time[here].max())
         extent = {"session": session, "time_s": [begin, end]}
         yield Pattern(f"growing over the time{of}", "time", extent), _placed(here, t - 0.5), AXES
-        for k in range(1, STEPS):
-            late = t > k / STEPS
+        for k in range(1, parts):
+            late = t > k / parts
             if late.any() and not late.all():
                 begin = float(time[here][late].min())
                 region = {**extent, "time_s": [begin, end]}
@@ -184,9 +180,9 @@ def _histories(labels: pd.DataFrame) -> Iterator[Profile]:
 
 
 def _placed(here: np.ndarray, values: np.ndarray) -> np.ndarray:
-    found = np.zeros(len(here))
-    found[here] = values
-    return found
+    everywhere = np.zeros(len(here))
+    everywhere[here] = values
+    return everywhere
 
 
 def _between_0_and_1(values: np.ndarray) -> np.ndarray:

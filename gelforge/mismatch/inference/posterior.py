@@ -21,7 +21,7 @@ from gelforge.mismatch.evidence.gaussian import NOTHING, UNKNOWN, log_prior, nor
 from gelforge.mismatch.evidence.identifiability import indistinguishable
 from gelforge.mismatch.evidence.kernels import Kernel, Weighed, weighed_unknown
 from gelforge.mismatch.evidence.problem import Problem
-from gelforge.mismatch.evidence.screen import Screened, chance_of, judged_under, screened
+from gelforge.mismatch.evidence.screen import Screened, chance_of, judged_under, screened, terms_of
 from gelforge.mismatch.inference.linear import Linear
 from gelforge.mismatch.result.verdict import Group
 from gelforge.mismatch.thresholds import (
@@ -84,11 +84,17 @@ class Posterior:
     @cached_property
     def kernels(self) -> dict[str, float]:
         """Return the probability of each kernel of a discrepancy, in words: they add up to that of a discrepancy."""
-        found: dict[str, float] = {}
+        by_kernel: dict[str, float] = {}
         for effects, one in self.unknown.items():
             for words, share in one.shares.items():
-                found[words] = found.get(words, 0.0) + share * self.probability[effects | {UNKNOWN}]
-        return found
+                by_kernel[words] = by_kernel.get(words, 0.0) + share * self.probability[effects | {UNKNOWN}]
+        return by_kernel
+
+    @property
+    def discrepancy_words(self) -> str:
+        """Return the kernel that a discrepancy would most probably have, in words."""
+        shares = self.unknown[max(self.unknown, key=lambda one: self.probability[one | {UNKNOWN}])].shares
+        return max(shares, key=shares.__getitem__)
 
     @cached_property
     def causes(self) -> dict[str, float]:
@@ -109,11 +115,11 @@ class Posterior:
 
         An effect of another one's set acts beside this one, and not in its place.
         """
-        found: list[Group] = []
+        groups: list[Group] = []
         for name in sorted(effects, key=lambda one: (-self.holding([one]), one)):
-            elsewhere = (effects - {name}).union(*(one.names for one in found))
-            found.append(self._credible_set(name, elsewhere))
-        return found
+            elsewhere = (effects - {name}).union(*(one.names for one in groups))
+            groups.append(self._credible_set(name, elsewhere))
+        return groups
 
     def _credible_set(self, name: str, elsewhere: Effects) -> Group:
         """Return the smallest set of effects, `name` first, that holds CREDIBLE of its probability.
@@ -121,19 +127,19 @@ class Posterior:
         Effects are added one by one, always the one that adds most.
         """
         rest = [one for one in self.singles if one != name and one not in elsewhere]
-        wanted, found = CREDIBLE * self.holding([name, *rest]), [name]
-        while rest and self.holding(found) < wanted:
-            found.append(max(rest, key=lambda one: self.holding([*found, one])))
-            rest.remove(found[-1])
-        chance = {one: self.holding([one]) for one in found}
-        others = sorted(found[1:], key=lambda one: -chance[one])
+        wanted, members = CREDIBLE * self.holding([name, *rest]), [name]
+        while rest and self.holding(members) < wanted:
+            members.append(max(rest, key=lambda one: self.holding([*members, one])))
+            rest.remove(members[-1])
+        chance = {one: self.holding([one]) for one in members}
+        others = sorted(members[1:], key=lambda one: -chance[one])
         line = self.lines.get(name, frozenset({name}))
         total = max(sum(chance.values()), np.finfo(float).tiny)
         return Group(
             members=[name, *(one for one in others if one in line)],
             alternatives=[one for one in others if one not in line],
-            probability=self.holding(line & set(found)),
-            set_probability=self.holding(found),
+            probability=self.holding(line & set(members)),
+            set_probability=self.holding(members),
             shares={one: own / total for one, own in chance.items()},
         )
 
@@ -151,21 +157,14 @@ def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
         progress.advance(note="errors of their changes")
         evidence = {effects: one.log_bayes_factor for effects, one in sets.items()}
         lines = indistinguishable(problem.covariance, singles)
-        found = with_unknown(problem, Posterior(sets, singles, evidence, {}, len(singles), lines), kernels)
+        known = Posterior(sets, singles, evidence, {}, len(singles), lines)
+        unknown = {NOTHING: weighed_unknown(problem, kernels)}
+        for effects in known.ranked()[:BESIDE]:
+            unknown[effects] = weighed_unknown(problem, kernels, sets[effects])
+        for effects, discrepancy in unknown.items():
+            evidence[effects | {UNKNOWN}] = evidence.get(effects, 0.0) + discrepancy.log_bayes_factor
         progress.advance(note="a discrepancy beside them")
-    return found
-
-
-def with_unknown(problem: Problem, posterior: Posterior, kernels: Sequence[Kernel]) -> Posterior:
-    """Return the posterior with a discrepancy, alone and beside the best sets, by their linear changes."""
-    unknown = {NOTHING: weighed_unknown(problem, kernels)}
-    for effects in posterior.ranked()[:BESIDE]:
-        unknown[effects] = weighed_unknown(problem, kernels, posterior.sets[effects])
-    more = {
-        effects | {UNKNOWN}: posterior.evidence.get(effects, 0.0) + found.log_bayes_factor
-        for effects, found in unknown.items()
-    }
-    return replace(posterior, unknown=unknown, evidence={**posterior.evidence, **more})
+    return replace(known, unknown=unknown)
 
 
 class Best(NamedTuple):
@@ -183,13 +182,13 @@ def set_tables(linear: Linear) -> list[Best]:
     number, scale = linear.choices
     if not len(number):
         return []
-    found = _by_effects(linear, number[:, None], scale[:, None])
+    one_effect = _by_effects(linear, number[:, None], scale[:, None])
     names = np.array([candidate.name for candidate in linear.candidates])[number]
     located = np.array(["x_mm" in candidate.shape for candidate in linear.candidates])
     placed, pairs = located[number], np.column_stack(np.triu_indices(len(number), 1))
     pairs = pairs[(names[pairs[:, 0]] != names[pairs[:, 1]]) & ~placed[pairs].all(axis=1)]
     if not len(pairs):
-        return found
+        return one_effect
     two = _by_effects(linear, number[pairs], scale[pairs])
     three: dict[Effects, Best] = {}
     for pair in sorted(two, key=lambda one: -one.average)[:BEAM]:
@@ -204,7 +203,7 @@ def set_tables(linear: Linear) -> list[Best]:
         for one in _by_effects(linear, numbers, scales, pair.average - pair.best):
             if one.effects not in three or three[one.effects].average < one.average:
                 three[one.effects] = one
-    return [*found, *two, *three.values()]
+    return [*one_effect, *two, *three.values()]
 
 
 def _by_effects(linear: Linear, number: np.ndarray, scale: np.ndarray, more: float = 0.0) -> list[Best]:
@@ -214,14 +213,14 @@ def _by_effects(linear: Linear, number: np.ndarray, scale: np.ndarray, more: flo
     kinds, which = np.unique(np.sort(codes[number], axis=1), axis=0, return_inverse=True)
     order = np.argsort(which.ravel(), kind="stable")
     ends = np.searchsorted(which.ravel()[order], np.arange(len(kinds) + 1))
-    found = []
+    sets = []
     for k, kind in enumerate(kinds):
         rows = order[ends[k] : ends[k + 1]]
         best = rows[np.argmax(factors[rows])]
         average = float(logsumexp(factors[rows]) - np.log(len(rows)))
         effects = frozenset(str(words[code]) for code in kind)
-        found.append(Best(effects, average, float(factors[best]), number[best], scale[best]))
-    return found
+        sets.append(Best(effects, average, float(factors[best]), number[best], scale[best]))
+    return sets
 
 
 def _with_error(problem: Problem, tables: Sequence[Best], known: int) -> dict[Effects, Screened]:
@@ -237,15 +236,15 @@ def _with_error(problem: Problem, tables: Sequence[Best], known: int) -> dict[Ef
     near += [
         one for one in ranked if one.effects not in reached and any(one.effects < other for other in reached)
     ]
-    found = {}
+    judged_sets = {}
     for one in near:
         parts = tuple(
             c if c.binary else replace(c, prior_sd=scale * np.asarray(c.prior_sd))
             for c, scale in zip((problem.candidates[k] for k in one.number), one.scale)
         )
         judged = judged_under(problem.covariance, problem.residual, parts)
-        found[one.effects] = with_form_errors(problem, replace(judged, log_bayes_factor=one.average))
-    return found
+        judged_sets[one.effects] = with_form_errors(problem, replace(judged, log_bayes_factor=one.average))
+    return judged_sets
 
 
 def chance_of_known(problem: Problem) -> float:
@@ -277,14 +276,14 @@ def with_form_errors(problem: Problem, judged: Screened) -> Screened:
     follow.
     """
     residual, exact = problem.residual, problem.covariance
-    found = []
+    by_error = []
     for error in FORM_ERRORS:
         parts = tuple(replace(part, form_error=error) for part in judged.parts)
-        wider = problem.with_model_error(parts, judged.amounts).covariance
+        wider = problem.with_model_error(terms_of(parts, judged.amounts)).covariance
         again = judged_under(wider, residual, parts)
         more = again.log_bayes_factor - judged.best_log_bayes_factor
         more += wider.log_density(residual) - exact.log_density(residual)
-        found.append(
+        by_error.append(
             replace(
                 again,
                 log_bayes_factor=judged.log_bayes_factor + more,
@@ -293,6 +292,6 @@ def with_form_errors(problem: Problem, judged: Screened) -> Screened:
                 plausible_snr=judged.plausible_snr,
             )
         )
-    factors = [one.log_bayes_factor for one in found]
-    best = found[int(np.argmax(factors))]
+    factors = [one.log_bayes_factor for one in by_error]
+    best = by_error[int(np.argmax(factors))]
     return replace(best, log_bayes_factor=float(logsumexp(factors) - np.log(len(factors))))

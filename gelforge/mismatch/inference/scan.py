@@ -21,9 +21,7 @@ from gelforge.mismatch.inference.patterns import AXES, Atoms, Pattern, dictionar
 from gelforge.mismatch.readings.observations import Observations, SetAside
 
 DRAWS = Mismatch.model_fields["draws"].default  # the p-value of the maximum then moves by 0.0035 at 0.025
-CHUNK = 128  # columns whitened at once: 120 000 entries take 120 MB each time
 SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
-ROOM = 3.0  # plausible sizes of a discrepancy, of every kernel: 30 % of the force each, and no spike
 MOST = 0.004  # of the entries, at least one: what strikes more of them is no glitch
 
 
@@ -62,12 +60,12 @@ def global_test(residual: np.ndarray, covariance: Covariance, fitted: np.ndarray
     if fitted is not None:
         Q = _basis(covariance.whiten(fitted))
         white, degrees = white - Q @ (Q.T @ white), degrees - Q.shape[1]
-    found = float(white @ white)
+    square = float(white @ white)
     mean, variance = float(degrees), 2.0 * degrees
     if covariance.estimated is not None:
         mean, variance = _law_of_sum(covariance.estimated, degrees)
-    p = chi2_distribution.sf(2 * mean * found / variance, 2 * mean**2 / variance)
-    return GlobalTest(found, degrees, float(p))
+    p = chi2_distribution.sf(2 * mean * square / variance, 2 * mean**2 / variance)
+    return GlobalTest(square, degrees, float(p))
 
 
 def _law_of_sum(estimated: Estimated, degrees: int) -> tuple[float, float]:
@@ -89,8 +87,8 @@ def _basis(columns: np.ndarray) -> np.ndarray:
 def whitened(atoms: Atoms, covariance: Covariance, fitted: np.ndarray | None = None) -> Atoms:
     """Return the atoms with W values, less what the columns fitted (n, p) [N] of a model could have taken up."""
     values = np.empty_like(atoms.values)
-    for first in range(0, values.shape[1], CHUNK):
-        part = slice(first, first + CHUNK)
+    for first in range(0, values.shape[1], 128):  # of 120 000 entries these take 120 MB
+        part = slice(first, first + 128)
         values[:, part] = covariance.whiten(atoms.values[:, part])
     if fitted is not None:
         Q = _basis(covariance.whiten(fitted))
@@ -167,8 +165,8 @@ def residual_tests(
     if atoms is None:
         atoms = dictionary(problem.labels, problem.observations.flat(problem.base))
     white = whitened(atoms, covariance, fitted)
-    found = scan(covariance.whiten(residual), white, rng, draws, covariance.estimated)
-    return ResidualTests(global_test(residual, covariance, fitted), found)
+    scanned = scan(covariance.whiten(residual), white, rng, draws, covariance.estimated)
+    return ResidualTests(global_test(residual, covariance, fitted), scanned)
 
 
 def without_spikes(observations: Observations, base: np.ndarray, covariance: Covariance) -> Observations:
@@ -177,8 +175,8 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
     base (R, 3) [N]; covariance of the n entries. What strikes several readings of one indentation the judge must explain:
     that press keeps them. So do all where more than MOST are far off.
     """
-    found = spikes(Problem(observations, base, covariance, (), {}, never_solved, {}))
-    labels = observations.labels().iloc[list(found)].assign(away=found.values())
+    away = spikes(Problem(observations, base, covariance, (), {}, never_solved, {}))
+    labels = observations.labels().iloc[list(away)].assign(away=away.values())
     labels = labels[labels.groupby("press")["reading"].transform("nunique") == 1]
     if labels.empty or len(labels) > max(1, MOST * len(covariance)):
         return observations
@@ -202,14 +200,14 @@ def without_spikes(observations: Observations, base: np.ndarray, covariance: Cov
 def spikes(problem: Problem) -> dict[int, float]:
     """Return the entries far off all others, by number, and how far [standard deviations]; found one by one.
 
-    Whatever is smooth in depth, place, time or path, or in the depth of one indentation, is free to ROOM times what is
-    plausible. How far: r_i less its mean given all other entries, over its standard deviation, which is (C^-1 r)_i /
-    sqrt((C^-1)_ii).
+    Whatever is smooth in depth, place, time or path, or in the depth of one indentation, is free to three times what is
+    plausible, 30 % of the force. How far: r_i less its mean given all other entries, over its standard deviation, which is
+    (C^-1 r)_i / sqrt((C^-1)_ii).
     """
     covariance, residual = _with_room(problem), problem.residual
     left = np.arange(len(residual))
-    found: dict[int, float] = {}
-    while len(found) <= max(1, MOST * len(residual)):
+    distance: dict[int, float] = {}
+    while len(distance) <= max(1, MOST * len(residual)):
         part = covariance.restricted(left)
         white = part.whiten(residual[left])
         tried = np.argsort(-np.abs(white))[:200]
@@ -220,9 +218,9 @@ def spikes(problem: Problem) -> dict[int, float]:
         farthest = np.argmax(np.abs(away))
         if abs(away[farthest]) <= SPIKE:
             break
-        found[int(left[tried[farthest]])] = float(away[farthest])
+        distance[int(left[tried[farthest]])] = float(away[farthest])
         left = np.delete(left, tried[farthest])
-    return found
+    return distance
 
 
 def _with_room(problem: Problem) -> Covariance:
@@ -233,5 +231,5 @@ def _with_room(problem: Problem) -> Covariance:
     kernels = kernels_of(problem)
     kernels.sort(key=lambda kernel: kernel.groups is None)  # those of each indentation before what all share
     for kernel in kernels:
-        covariance = kernel.beside(covariance, ROOM)
+        covariance = kernel.beside(covariance, 3.0)
     return covariance

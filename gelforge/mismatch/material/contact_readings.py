@@ -14,17 +14,15 @@ from gelforge.mismatch.material.material_readings import (
     FORCE_CLASS,
     Change,
     Readings,
-    alike,
     binned,
     means,
     misfit_covariance,
     reduced,
+    same,
 )
 from gelforge.mismatch.model.effect import Parameter
 
-BASELINE = 0.01  # of the largest push: an optical lever's zero moves by as much between ways
 CONTACT = 0.02  # of the largest depth: the touch that Hertz's fit finds
-UNDER_LOAD = 0.05  # of the largest force
 CALIBRATED = "load cells are calibrated to 1 to 2 %, a moment or a bypass changes it by some more"
 
 
@@ -48,8 +46,8 @@ def press_readings(press: IndentationTest) -> Readings:
         # rows farther from the sample only give the zero
         own = np.flatnonzero((press.segment == name) & (d > -8 * deepest))
         along = time[own] if kind == "hold" else np.arcsinh(8 * d[own] / deepest)
-        groups += (found := binned(along, own, 60))
-        segment += [number] * len(found)
+        groups += (bins := binned(along, own, 60))
+        segment += [number] * len(bins)
     table = reduced(groups, segment, at=d, share=d / deepest, time_s=time).assign(
         branch=np.array(kinds)[segment],
         part=np.array(names)[segment],
@@ -63,12 +61,13 @@ def press_readings(press: IndentationTest) -> Readings:
     noise = np.hypot(row_noise(approach.force_N) / np.sqrt([len(g) for g in groups]), FORCE_CLASS * push)
     slope = 1.5 * k * np.sqrt(np.maximum(table["at"].to_numpy(), 0.0))
     misfit = float(np.sqrt(np.mean((y - base)[table["is_base"] & (base > 0)] ** 2)))
-    C = np.diag(noise**2) + (BASELINE * push) ** 2 * alike(table["segment"])
+    zero = 0.01 * push  # an optical lever's zero moves by as much between ways
+    C = np.diag(noise**2) + zero**2 * same(table["segment"])
     C += misfit_covariance(share, misfit) + (CONTACT * deepest) ** 2 * np.outer(slope, slope)
     said = [text for text in press.findings if "bending" in text]
     said += ["no time is recorded: relaxation cannot be distinguished from the order of rows"] * (not timed)
     readings = Readings(
-        table, y, base, C, noise, np.full(len(y), misfit), BASELINE * push,
+        table, y, base, C, noise, np.full(len(y), misfit), zero,
         f"Hertz's ball on a half space, F = k d^1.5, fitted to the approach of {press.sample}",
         tuple(f"{press.sample}: {text}" for text in said),
     )  # fmt: skip
@@ -93,10 +92,10 @@ def _of_sensor(readings: Readings, push: float, timed: bool) -> list[Change]:
     why = "5 % of the push between approach and withdrawal"
     offsets = tuple(Parameter(f"offset_{k}", "N", 0.05 * push, bounds, why) for k in others)
     mine = (segment[:, None] == others).astype(float)
-    found = [Change("force_offset", offsets, lambda F, a: F + mine @ a, {"by": "segment"})] * bool(offsets)
+    changes = [Change("force_offset", offsets, lambda F, a: F + mine @ a, {"by": "segment"})] * bool(offsets)
     if timed:
-        found.append(_drift(readings.table, 0.05 * push, push, "5 % of the push over the test"))
-    return found
+        changes.append(_drift(readings.table, 0.05 * push, push, "5 % of the push over the test"))
+    return changes
 
 
 def _drift(table: pd.DataFrame, size: float, largest: float, why: str) -> Change:
@@ -127,13 +126,13 @@ def _adhesions(d: np.ndarray, last: np.ndarray, groups, deepest: float, push: fl
     # none where the record ends before the ball is back at the surface
     above = max(-float(d[last].min()), 0.0)
     heights = deepest * np.sinh(np.linspace(0, np.arcsinh(8 * above / deepest), 16)) / 8
-    found = []
+    changes = []
     for way in (0.5 * deepest, 2.0 * deepest):
         for height in np.unique(heights):
             pulled = means(groups, np.where(last & (d > -height), np.expm1(-(turn - d) / way), 0.0))
             shape = {"way_mm": way, "lets_go_above_mm": float(height)}
-            found.append(_added("adhesion", pull, pulled, shape))
-    return found
+            changes.append(_added("adhesion", pull, pulled, shape))
+    return changes
 
 
 def pair_readings(pair: ForcePair) -> Readings:
@@ -148,9 +147,9 @@ def pair_readings(pair: ForcePair) -> Readings:
     for number, (place, rows) in enumerate(pressed_rows(pair), start=1):
         top = rows.start + int(np.argmax(mean[rows])) + 1
         for branch, own in (("load", np.arange(rows.start, top)), ("unload", np.arange(top, rows.stop))):
-            groups += (found := binned(mean[own], own, 8, 0.0))
-            segment += [(number, branch)] * len(found)
-            parts += [(branch, f"indentation {number}", place)] * len(found)
+            groups += (bins := binned(mean[own], own, 8, 0.0))
+            segment += [(number, branch)] * len(bins)
+            parts += [(branch, f"indentation {number}", place)] * len(bins)
     if len(groups) < 10:
         raise ValueError(
             f"{pair.source}: no indentation that rises by half of its force; press between the load cells"
@@ -162,9 +161,9 @@ def pair_readings(pair: ForcePair) -> Readings:
     table = table.assign(sample=pair.sample, test="force_pair", is_base=False)
     count = np.array([len(g) for g in groups])
     noise = np.hypot(np.hypot(row_noise(one), row_noise(two)) / np.sqrt(count), FORCE_CLASS * largest)
-    C = np.diag(noise**2) + (FORCE_CLASS * largest) ** 2 * alike(table["part"])
+    C = np.diag(noise**2) + (FORCE_CLASS * largest) ** 2 * same(table["part"])
     # what comes with the load at a place and is no gain: friction at the fixture, a force that bypasses a load cell
-    C += (UNDER_LOAD * largest) ** 2 * alike(table["place"])
+    C += (0.05 * largest) ** 2 * same(table["place"])
     per_row = means(groups, np.gradient(one))  # [N] from one reading to the next
     # load cells that are not read at one instant: either value may be up to a reading old, now more and now less
     C += 0.5**2 * (np.diag(per_row**2) + np.outer(per_row, per_row))
@@ -194,11 +193,11 @@ def _of_pair(readings: Readings, largest: float, per_row: np.ndarray) -> list[Ch
     )
     lag = Parameter("lag", "1", 0.01, (-0.1, 0.1), "load cells lag by less than 1 % of their range")
     back = (table["branch"] == "unload").to_numpy() * 4 * base * (1 - base / largest)
-    found = [factor("force_gain", gain, np.ones(len(base)), {"by": "load cell"})]
+    changes = [factor("force_gain", gain, np.ones(len(base)), {"by": "load cell"})]
     if len(places) > 1:
-        found.append(Change("force_gain", by_place, lambda F, a: F * (1 + mine @ a), {"by": "place"}))
+        changes.append(Change("force_gain", by_place, lambda F, a: F * (1 + mine @ a), {"by": "place"}))
     return [
-        *found,
+        *changes,
         _added("force_offset", offset, 1.0),
         _drift(table, size, largest, "1 % of the largest force"),
         _added("clock_offset", late, -per_row),

@@ -23,12 +23,8 @@ FLOW = Parameter(
     "flow_stiffness", "1", 1.0, (0.0, 20.0), "as much as the nominal one: half of what holds flows"
 )
 OTHER_SHAPE = "the unrelaxed constitutive model is of another shape than the loading"
-# Of flow that stress speeds up: the strain that loads the element once, as a share of the base's range, and how fast it
-# flows at little stress, as a share of the base's rate: the stress of a steady ramp is asinh(1 / share) of those strains.
-FLOW_STRAINS, FLOW_RATES = (0.02, 0.05, 0.1, 0.2), (1e-2, 1e-4, 1e-6, 1e-8)
 # A stress (n,) at the readings, and what each Maxwell element loses of it (n, k).
 Losing = tuple[np.ndarray, np.ndarray]
-SOFTENINGS = ((0.03, 0.1), (0.1, 0.1), (0.3, 0.1), (0.1, 0.5), (1.0, 0.1))  # (m / largest energy, beta)
 SOFTENING = Parameter(
     "one_over_r", "1", 0.3, (0.0, 1.0), "r of 1.5 to 5 in filled rubber (Ogden & Roxburgh 1999)"
 )
@@ -128,7 +124,10 @@ def viscoelastic(tests: StressTests) -> list[Change]:
     if np.abs(gone).max() <= 1e-6 * np.abs(base).max():
         return []
     kind, first = next(iter(tests.bases.items()))
-    shares, slow = (a.ravel() for a in np.meshgrid(FLOW_STRAINS, FLOW_RATES, indexing="ij"))
+    # Of flow that stress speeds up: the strain that loads the element once, as a share of the base's range, and how fast it
+    # flows at little stress, as a share of the base's rate: a steady ramp's stress is asinh(1 / share) of those strains.
+    grid = np.meshgrid((0.02, 0.05, 0.1, 0.2), (1e-2, 1e-4, 1e-6, 1e-8), indexing="ij")
+    shares, slow = (a.ravel() for a in grid)
     rates = slow * first.rate_per_s / (shares * tests.reach(kind))
     held = []
     for p in tests.paths:
@@ -191,14 +190,14 @@ def _choices(
     """
     k, unit = len(times), np.eye(len(times) + len(flows))
     decades = unit[:, :k].sum(axis=1)
-    alike: Shape = {"spectrum": "all decades alike", "from_s": float(times[0]), "to_s": float(times[-1])}
+    even: Shape = {"spectrum": "all decades alike", "from_s": float(times[0]), "to_s": float(times[-1])}
     yield from (((ONE,), unit[:, [i]], {"time_s": float(t)}) for i, t in enumerate(times))
-    yield (DECADE,), decades[:, None], alike
+    yield (DECADE,), decades[:, None], even
     each = tuple(Parameter(f"share_{t:.3g}s", "1", 0.2, (0.0, 5.0), PER_DECADE) for t in times)
     yield each, unit[:, :k], {"spectrum": "free"}
     for i, shape in enumerate(flows, start=k):
         yield (FLOW,), unit[:, [i]], shape
-        yield (FLOW, DECADE), np.column_stack([unit[:, i], decades]), {**shape, **alike}
+        yield (FLOW, DECADE), np.column_stack([unit[:, i], decades]), {**shape, **even}
 
 
 def relaxation_times(tests: StressTests) -> np.ndarray:
@@ -245,7 +244,7 @@ def softenings(W: np.ndarray, largest: np.ndarray, rows: np.ndarray | float = 1.
             "mullins", SOFTENING, -lost_share(W, largest, m * top, beta) * rows,
             {"m_of_largest_energy": m, "beta": beta},
         )
-        for m, beta in SOFTENINGS
+        for m, beta in ((0.03, 0.1), (0.1, 0.1), (0.3, 0.1), (0.1, 0.5), (1.0, 0.1))
     ]  # fmt: skip
 
 
@@ -253,9 +252,9 @@ def _energy(path: Path) -> np.ndarray:
     """Return the base law's strain energy (m,) [MPa] at each row."""
     order = np.argsort(path.strain, kind="stable")
     e, P = np.r_[0.0, path.strain[order]], np.r_[0.0, path.stress[order]]
-    found = np.empty_like(path.strain)
-    found[order] = np.maximum(np.cumsum(np.diff(e) * (P[1:] + P[:-1]) / 2), 0.0)
-    return found
+    energy = np.empty_like(path.strain)
+    energy[order] = np.maximum(np.cumsum(np.diff(e) * (P[1:] + P[:-1]) / 2), 0.0)
+    return energy
 
 
 def dated(tests: StressTests) -> list[Change]:
@@ -266,12 +265,12 @@ def dated(tests: StressTests) -> list[Change]:
     x: share of the span; s: share of the base's range of strain; L: Legendre's polynomials; P_0: the base law. A network
     that age cuts and links anew, or a foam whose cells give in, has another law and not the old one times a factor.
     """
-    base, found = tests.readings.base, []
+    base, changes = tests.readings.base, []
     s = np.clip(tests.readings.table["share"].to_numpy(), 0.0, 1.0)
     bent = np.column_stack([np.ones_like(s), *(polynomial(s) for polynomial in LEGENDRE)])
     laws = {"size": (SIZE,), "size and shape": (SIZE, *SHAPE)}
-    for attribute, alike, unit in (("age_days", AGE.alike, "days"), ("dose", 0.0, "doses")):
-        x, span = _circumstance(tests, attribute, alike)
+    for attribute, negligible, unit in (("age_days", AGE.alike, "days"), ("dose", 0.0, "doses")):
+        x, span = _circumstance(tests, attribute, negligible)
         for what, law in laws.items() if span else ():
 
             def apply(P, a, x=x, law=law):
@@ -281,8 +280,8 @@ def dated(tests: StressTests) -> list[Change]:
 
             of = f"{what} of the constitutive model and relaxation"
             shape = {"from": span[0], "to": span[1], "per": unit, "of": of}
-            found.append(Change("ageing", (*law, LOSS), apply, shape))
-    return found
+            changes.append(Change("ageing", (*law, LOSS), apply, shape))
+    return changes
 
 
 def temperature(tests: StressTests) -> list[Change]:
@@ -300,11 +299,11 @@ def factor(name: str, parameter: Parameter, share: np.ndarray, shape) -> Change:
     return Change(name, (parameter,), lambda P, a: P * (1 + share * a[0]), shape)
 
 
-def _circumstance(tests: StressTests, attribute: str, alike: float):
+def _circumstance(tests: StressTests, attribute: str, negligible: float):
     """Return the circumstance of each reading (n,), 0 at the base and 1 a span away, and the span; None if all alike."""
     values = [getattr(p.test, attribute) for p in tests.paths]
     known = [v for v in values if v is not None]
-    if not known or np.ptp(known) <= alike:
+    if not known or np.ptp(known) <= negligible:
         return np.zeros(0), None
     of_bases = [getattr(t, attribute) for t in tests.bases.values()]
     base = next((v for v in of_bases if v is not None), known[0])

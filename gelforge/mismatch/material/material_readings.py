@@ -18,9 +18,6 @@ from gelforge.mismatch.thresholds import FEW_SITES, HELD_OUT
 
 # Of a test's largest stress: an ordinary load cell's class, and what a digitised point is off by
 FORCE_CLASS = 5e-3
-FORM_ERROR = 0.05  # of the mismatch: what a formula with few values misses of what it stands for
-FORM_LENGTH = 0.3  # of a branch, over which that error keeps its sign
-LAW_LENGTH = 0.15  # of the range of strain, over which a law's misfit keeps its sign
 # Of each effect: the experiment on a material that decides.
 DECIDED_BY = {
     "viscoelastic": "hold at one strain for a hundred times the duration of the loading, and load at a tenth of its rate",
@@ -34,7 +31,6 @@ DECIDED_BY = {
     "force_hysteresis": "load and unload a steel spring",
     "clock_offset": "tap once and compare the instants",
 }
-MANY_SEGMENTS = 12  # for whole branches to be held out
 BRANCHES = {"load": "loading", "unload": "unloading", "hold": "holds"}
 
 
@@ -132,18 +128,19 @@ class Readings:
         return replace(self, changes=tuple(changes), cannot_know=(*self.cannot_know, *unseen))
 
     def with_form_error(self) -> Readings:
-        """Return the readings with the error allowed for every formula: along one branch, over FORM_LENGTH of it.
+        """Return the readings with the error allowed for every formula, 0.05 of the mismatch: along 0.3 of one branch.
 
-        It is the same for all sets of effects: an error in proportion to the change would favour what misses most.
+        What a formula with few values misses of what it stands for (judgement). It is the same for all sets of effects: an
+        error in proportion to the change would favour what misses most.
         """
         x = self.table["progress"].to_numpy()
-        near = np.exp(-np.abs(x[:, None] - x) / FORM_LENGTH)  # of all scales: a formula also misses a corner
+        near = np.exp(-np.abs(x[:, None] - x) / 0.3)  # of all scales: a formula also misses a corner
         off, sample = self.measured - self.base, self.table["sample"]
         # of each test's stress: where effects cancel, their formulas' errors do not
         squares = pd.DataFrame({"off": off**2, "measured": self.measured**2}).groupby(sample).transform("sum")
         share = np.minimum(np.sqrt(squares["off"] / squares["measured"]), 1.0).to_numpy()
-        d = FORM_ERROR * np.hypot(off, share * self.measured)
-        return replace(self, fixed=self.fixed + np.outer(d, d) * near * alike(self.table["segment"]))
+        d = 0.05 * np.hypot(off, share * self.measured)
+        return replace(self, fixed=self.fixed + np.outer(d, d) * near * same(self.table["segment"]))
 
 
 def binned(x: np.ndarray, rows: np.ndarray, count: int, low: float | None = None) -> list[np.ndarray]:
@@ -173,15 +170,15 @@ def reduced(
     return table.assign(progress=(by_segment.cumcount() / last).to_numpy())
 
 
-def alike(column: pd.Series) -> np.ndarray:
+def same(column: pd.Series) -> np.ndarray:
     """Return 1 (n, n) where two rows have the same value, else 0."""
     codes = pd.factorize(column)[0]
     return (codes[:, None] == codes).astype(float)
 
 
 def misfit_covariance(share: np.ndarray, misfit: float) -> np.ndarray:
-    """Return the covariance (n, n) of a law's misfit at shares (n,) of its range, which keeps its sign over LAW_LENGTH."""
-    return misfit**2 * np.exp(-np.abs(share[:, None] - share) / LAW_LENGTH)
+    """Return the covariance (n, n) of a law's misfit at shares (n,) of its range, which keeps its sign over 0.15 of it."""
+    return misfit**2 * np.exp(-np.abs(share[:, None] - share) / 0.15)
 
 
 def held_pieces(table: pd.DataFrame, rng: np.random.Generator) -> pd.Series:
@@ -195,7 +192,7 @@ def held_pieces(table: pd.DataFrame, rng: np.random.Generator) -> pd.Series:
     quarter = (4 * table["progress"]).astype(int).clip(upper=3) + 1
     choices = [
         (others, table["sample"].astype(str), FEW_SITES),
-        (free, segment, MANY_SEGMENTS),
+        (free, segment, 12),
         (free, segment + ", quarter " + quarter.astype(str), 0),
     ]
     if "place" in table:
@@ -212,23 +209,23 @@ def held_pieces(table: pd.DataFrame, rng: np.random.Generator) -> pd.Series:
 
 def patterns(readings: Readings) -> Atoms:
     """Return where readings may differ: kinds of branch, bands of strain, tests, branches of a test; a share of the base."""
-    table, found = readings.table, []
+    table, regions = readings.table, []
     share, branch, sample = table["share"], table["branch"], table["sample"]
     for kind, word in BRANCHES.items():
         own = branch == kind
-        found.append((f"all {word}", "phase", own & ~table["is_base"]))
+        regions.append((f"all {word}", "phase", own & ~table["is_base"]))
         for low, high in ((0.0, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 1.1)):
             words = f"{word} between {low:.0%} and {min(high, 1):.0%} of the range of strain"
-            found.append((words, "depth", own & share.between(low, high)))
-        found.append((f"second halves of {word}", "time", own & (table["progress"] > 0.5)))
+            regions.append((words, "depth", own & share.between(low, high)))
+        regions.append((f"second halves of {word}", "time", own & (table["progress"] > 0.5)))
     for name in pd.unique(sample):
-        found.append((f"specimen {name}", "session", sample == name))
+        regions.append((f"specimen {name}", "session", sample == name))
         for kind, word in BRANCHES.items():
-            found.append((f"{word} of {name}", "phase", (sample == name) & (branch == kind)))
+            regions.append((f"{word} of {name}", "phase", (sample == name) & (branch == kind)))
     for place in pd.unique(table["place"]) if "place" in table else ():
-        found.append((f"place {place}", "position", table["place"] == place))
+        regions.append((f"place {place}", "position", table["place"] == place))
     atoms = [
-        (Pattern(name, kind), rows.to_numpy() * readings.base) for name, kind, rows in found if rows.any()
+        (Pattern(name, kind), rows.to_numpy() * readings.base) for name, kind, rows in regions if rows.any()
     ]
     unloading = (branch == "unload").to_numpy()
     if unloading.any():  # where the base is zero its share is nothing

@@ -26,7 +26,7 @@ from gelforge.mismatch.evidence.gaussian import NOTHING
 from gelforge.mismatch.evidence.identifiability import indistinguishable
 from gelforge.mismatch.evidence.problem import Problem, never_solved, secant
 from gelforge.mismatch.evidence.refit import Refitted
-from gelforge.mismatch.evidence.screen import Candidate, Screened, judged_by
+from gelforge.mismatch.evidence.screen import Candidate, Screened, Term, judged_by, terms_of
 from gelforge.mismatch.inference.holdout import Blocks, after_penalty, proof_of
 from gelforge.mismatch.inference.judge import Answer, Judgement, groups_of
 from gelforge.mismatch.inference.linear import Linear
@@ -36,11 +36,11 @@ from gelforge.mismatch.material.contact_readings import pair_readings, press_rea
 from gelforge.mismatch.material.material_effects import of_stress
 from gelforge.mismatch.material.material_readings import Change, Dense, Readings, held_pieces, patterns
 from gelforge.mismatch.material.stress_readings import stress_tests
-from gelforge.mismatch.model.effect import Effect, Parameter
+from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 from gelforge.mismatch.result import verdict as v
 from gelforge.mismatch.summary.findings import limits_of, verdict_of
-from gelforge.mismatch.thresholds import LIKELY
+from gelforge.mismatch.thresholds import ALARM_P, LEFT_P
 from gelforge.progress import stage, tracked
 
 # In which effects apply: the material first and the sensor last.
@@ -48,7 +48,6 @@ ORDER = (
     *("viscoelastic", "adhesion", "mullins", "ageing", "temperature"),
     *("force_gain", "force_offset", "force_drift", "force_hysteresis", "clock_offset"),
 )
-STEP = 1e-4  # widths, of the Jacobian's differences
 SEED = 20261121  # any number: two runs say the same
 
 
@@ -68,14 +67,15 @@ class Fitted:
         return np.column_stack([part.columns for part in self.judged.parts])
 
     @property
+    def prior_sd(self) -> np.ndarray:
+        """Return the standard deviations of the priors (p,) of all values."""
+        return np.concatenate([part.prior_sd for part in self.judged.parts])
+
+    @property
     def refitted(self) -> Refitted:
         """Return the same as a fit of the judge."""
-        j = self.judged
-        amounts = tuple(j.amounts[own] for own in slices(self.model))
-        prior_sd = np.concatenate([np.broadcast_to(part.prior_sd, part.columns.shape[1]) for part in j.parts])
-        return Refitted(
-            j.parts, amounts, self.columns, j.covariance, prior_sd, j.log_bayes_factor, converged=True
-        )
+        j, amounts = self.judged, tuple(a for _, a in self.judged.terms)
+        return Refitted(j.parts, amounts, self.columns, j.covariance, self.prior_sd, j.log_bayes_factor, True)
 
 
 def slices(model: Sequence[Change]) -> list[slice]:
@@ -99,7 +99,7 @@ def fitted(readings: Readings, changes: Sequence[Change]) -> Fitted:
     model = tuple(sorted(changes, key=lambda change: ORDER.index(change.name)))
     parameters = [p for change in model for p in change.parameters]
     prior_sd, signs = np.array([p.width for p in parameters]), np.array([p.sign for p in parameters])
-    bounds = np.array([_limits(p) for p in parameters]).T / prior_sd
+    bounds = np.array([p.bounds for p in parameters]).T / prior_sd
     u = np.where(bounds[1] <= 0, -0.1, np.clip(0.1, *bounds))  # values in units of their widths
     # First every row by its own deviation, then with the correlations that belong to the prediction so far.
     C: Covariance = Dense(np.diag(readings.covariance.variance))
@@ -107,8 +107,9 @@ def fitted(readings: Readings, changes: Sequence[Change]) -> Fitted:
         u = _most_probable(readings, model, C, u, prior_sd, bounds)
         prediction = predicted(readings, model, u * prior_sd)
         C = readings.covariance_of(prediction)
-    moved = [predicted(readings, model, (u + STEP * one) * prior_sd) - prediction for one in np.eye(len(u))]
-    J = np.column_stack(moved) / (STEP * prior_sd)
+    steps = 1e-4 * np.diag(prior_sd)
+    moved = [predicted(readings, model, u * prior_sd + step) - prediction for step in steps]
+    J = np.column_stack(moved) / steps.sum(axis=0)
     left = readings.measured - prediction + J @ (u * prior_sd)
     white = C.whiten(np.column_stack([left, J]))
     parts = [Candidate(c.name, c.shape, J[:, s], prior_sd[s], signs[s]) for c, s in zip(model, slices(model))]
@@ -116,11 +117,6 @@ def fitted(readings: Readings, changes: Sequence[Change]) -> Fitted:
     evidence = C.log_density_of_white(white[:, 0]) + judged.log_bayes_factor
     at_fit = replace(judged, amounts=u * prior_sd, change=prediction - readings.base)
     return Fitted(model, prediction, C, at_fit, evidence)
-
-
-def _limits(parameter: Parameter) -> tuple[float, float]:
-    low, high = parameter.bounds
-    return (0.0 if parameter.sign > 0 else low), (0.0 if parameter.sign < 0 else high)
 
 
 def _most_probable(readings, model, covariance, start, prior_sd, bounds) -> np.ndarray:
@@ -164,10 +160,9 @@ def _through(fit: Fitted) -> Screened:
     judged, amounts = fit.judged, fit.judged.amounts
     if not amounts.any():
         return judged
-    prior_sd = np.concatenate([part.prior_sd for part in judged.parts])
-    columns = secant(fit.columns, judged.change - fit.columns @ amounts, amounts, prior_sd)
-    own = zip(judged.parts, slices(fit.model))
-    return replace(judged, parts=tuple(replace(part, columns=columns[:, rows]) for part, rows in own))
+    columns = secant(fit.columns, judged.change - fit.columns @ amounts, amounts, fit.prior_sd)
+    by_part = terms_of(judged.parts, columns.T)
+    return replace(judged, parts=tuple(replace(part, columns=own.T) for part, own in by_part))
 
 
 @dataclass(frozen=True)
@@ -221,9 +216,10 @@ class MaterialProblem(Problem):
         """Return the effect of a part with the parameters that it has in this shape."""
         return self.change_of(part).effect
 
-    def with_model_error(self, parts: Sequence[Candidate], amounts: np.ndarray) -> MaterialProblem:
-        """Return the problem with the covariance that belongs to what is predicted with parts at amounts (p,)."""
-        prediction = predicted(self.readings, [self.change_of(part) for part in parts], amounts)
+    def with_model_error(self, terms: Sequence[Term]) -> MaterialProblem:
+        """Return the problem with the covariance that belongs to what is predicted with effects at their values."""
+        model, amounts = [self.change_of(part) for part, _ in terms], [a for _, a in terms]
+        prediction = predicted(self.readings, model, np.concatenate(amounts))
         return replace(self, covariance=self.readings.covariance_of(prediction))
 
 
@@ -244,31 +240,28 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
     posterior, fits = posterior_of(erring.readings)
     mode, answer, physical = next(iter(posterior.ranked()), NOTHING), None, True
     state: v.State = "unexplained"
-    if mismatch.p >= v.ALARM_P:
+    if mismatch.p >= ALARM_P:
         state = "consistent" if any(limit.seen for limit in limits_of(problem)) else "inconclusive"
-    elif mode and posterior.probability[NOTHING] < LIKELY:
+    elif mode and posterior.probability[NOTHING] < 0.5:
         stage(f"{name}: the most probable effects at their plausible values, and what they leave")
-        found = fitted(erring.readings, [problem.change_of(change) for change in fits[mode].model])
-        fit, left, proof = found.refitted, readings.measured - found.prediction, None
+        fit_of_mode = fitted(erring.readings, [problem.change_of(change) for change in fits[mode].model])
+        fit, left, proof = fit_of_mode.refitted, readings.measured - fit_of_mode.prediction, None
         if out.any():
             proof = after_penalty(proof_of(erring, fit, left, blocks), erring, posterior, blocks.train)
-        nonzero = found.columns[:, found.judged.amounts != 0]
-        uncertain = replace(problem, covariance=found.covariance)
+        nonzero = fit_of_mode.columns[:, fit_of_mode.judged.amounts != 0]
+        uncertain = replace(problem, covariance=fit_of_mode.covariance)
         answer = Answer(
-            posterior=posterior,
-            winner=posterior.sets[mode],
             fit=fit,
             refits={effects: one.refitted for effects, one in fits.items()} | {mode: fit},
             groups=groups_of(problem, posterior, fit),
-            after=_along_z(found.prediction, len(left)),
+            after=_along_z(fit_of_mode.prediction, len(left)),
             adequacy=residual_tests(uncertain, left, DRAWS, rng, nonzero, atoms),
             proof=proof,
             folds=(),
         )
         sure = {group.members[0] for group in answer.sure}
-        values = zip(fit.parts, fit.amounts)
-        physical = all(problem.effect_of(part).in_range(a) for part, a in values if part.name in sure)
-        if physical and answer.adequacy.p > v.LEFT_P:
+        physical = all(problem.effect_of(part).in_range(a) for part, a in fit.terms if part.name in sure)
+        if physical and answer.adequacy.p > LEFT_P:
             state = "identified" if sure else "ambiguous"
     table = readings.table[["sample", "test", "part", "branch", "at", "time_s"]].assign(
         measured=readings.measured,
@@ -282,7 +275,7 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
 
 def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judged], list[str]]:
     """Return the verdicts on a material: one on its stress tests, one per indentation and pair; and what was not judged."""
-    found, reasons, name = [], [], source.name
+    verdicts, reasons, name = [], [], source.name
     tests = list(source.tests)
     tried = [(name, "stress tests", name, lambda: of_stress(stress_tests(tests)))] if tests else []
     for press in source.small.presses:
@@ -310,20 +303,20 @@ def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judge
         verdict = verdict_of(problem, judgement, against, source.synthetic, None, provenance)
         law_N = [None, None, float(np.sqrt(np.mean(readings.law**2)))]
         noise = verdict.noise.model_copy(update={"law_N": law_N})
-        found.append(Judged(title, verdict.model_copy(update={"noise": noise}), table))
-    return found, reasons
+        verdicts.append(Judged(title, verdict.model_copy(update={"noise": noise}), table))
+    return verdicts, reasons
 
 
 def judge_sources(materials: Sequence[MaterialSource], seed: int = SEED) -> tuple[list[Judged], list[str]]:
     """Return all verdicts, and what was not judged; raises TableError where there is nothing to judge."""
-    found, reasons = [], []
+    verdicts, reasons = [], []
     for material in materials:
         judged, said = judge_material(material, seed)
-        found += judged
+        verdicts += judged
         reasons += said
-    if not found:
+    if not verdicts:
         raise TableError(f"no test can be judged: {'; '.join(reasons)}")
-    return found, reasons
+    return verdicts, reasons
 
 
 def write_judged(folder: Path, judged: Judged) -> None:

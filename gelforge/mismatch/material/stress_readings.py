@@ -33,17 +33,12 @@ from gelforge.mismatch.material.material_readings import (
 )
 
 SOLIDS = ("neo_hooke", "mooney_rivlin", "yeoh", "gent", "ogden1", "ogden2")
-FOAM_EXPONENTS = (-8.0, 2.0, 8.0, 25.0)  # where the search begins: densifies, or gives in
-MOST_EXPONENT = 60.0  # beyond it the stress follows from mu / alpha alone
 
 # Nominal stress (n,) [MPa] at stretches (n,), and its derivatives by the law's unknowns (n, p).
 Stress = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 KINDS = ("uniaxial", "compression", "pure_shear", "equibiaxial", "simple_shear")  # one stress for one stretch
-MOST_ROWS = 600  # in all; the covariance is dense
-ROWS_OF_BRANCH = (4, 24)  # at least and at most
 ZERO_STRAIN = STRAIN_AT_START  # slack that a test may begin with
 SAMPLES = NEGLIGIBLE, 2  # scatter of samples of one sheet, weighed as so many repeats beside those measured
-BEYOND = 1.1  # of the range that the law was fitted in: what lies farther is not judged
 
 
 @dataclass(frozen=True)
@@ -107,10 +102,12 @@ def _foam(problem: Problem, valid: tuple[float, float]) -> BaseLaw:
         return least_squares(
             lambda t: w * (foam_stress(stretch, t)[0] - problem.mean), [np.log(problem.stiffness), alpha],
             jac=lambda t: w[:, None] * foam_stress(stretch, t)[1],
-            bounds=([-np.inf, -MOST_EXPONENT], [np.inf, MOST_EXPONENT]), x_scale="jac",
+            # beyond an exponent of 60 the stress follows from mu / alpha alone
+            bounds=([-np.inf, -60.0], [np.inf, 60.0]), x_scale="jac",
         )  # fmt: skip
 
-    best = min((fitted(alpha) for alpha in FOAM_EXPONENTS), key=lambda found: found.cost)
+    # begun where a foam densifies, and where it gives in
+    best = min((fitted(alpha) for alpha in (-8.0, 2.0, 8.0, 25.0)), key=lambda found: found.cost)
     freedom = max(1.0, effective_points(best.fun, problem.curve_sizes) - 2)
     # of lower rank where the exponent is so large that the stress follows from mu / alpha alone
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2 * best.cost / freedom
@@ -199,9 +196,9 @@ def fastest_loading(tests: list[MaterialTest]) -> MaterialTest | None:
     loading = [t for t in tests if t.rate_per_s and t.cycle in (None, 1) and _loads(t)]
     loading = [t for t in loading if len(monotonic_loading([t])[0])]
     rates = [float(t.rate_per_s or 0.0) for t in loading]
-    alike = [t for t, rate in zip(loading, rates) if np.log10(max(rates) / rate) <= RATE.alike]
+    fast = [t for t, rate in zip(loading, rates) if np.log10(max(rates) / rate) <= RATE.alike]
     return min(
-        alike, key=lambda t: (t.dose or 0.0, t.age_days or 0.0, -_reach(t), t.sample), default=None
+        fast, key=lambda t: (t.dose or 0.0, t.age_days or 0.0, -_reach(t), t.sample), default=None
     )  # fmt: skip
 
 
@@ -223,12 +220,13 @@ def _paths(tests, laws: dict[str, BaseLaw], bases) -> list[Path]:
     for test in tests:
         away, reach = _away(test), max(abs(end - test.at_rest) for end in laws[test.test].valid)
         strain = away * (test.stretch - test.at_rest)
-        inside = (strain <= BEYOND * reach) & np.isfinite(test.nominal_stress)
+        # what lies 10 % beyond the range that the law was fitted in is not judged
+        inside = (strain <= 1.1 * reach) & np.isfinite(test.nominal_stress)
         m = len(inside) if inside.all() else int(np.argmin(inside))
         if m >= 2 and away == _away(bases[test.test]):
             kept.append((test, m))
     segments = sum(sum(s.start < m - 1 for s in t.segments) for t, m in kept)
-    count = int(np.clip(MOST_ROWS // max(segments, 1), *ROWS_OF_BRANCH))
+    count = int(np.clip(600 // max(segments, 1), 4, 24))  # rows of a branch; the covariance of all is dense
     return [_path(t, m, laws[t.test], count) for t, m in kept]
 
 
@@ -274,11 +272,11 @@ def _scatter(tests: list[MaterialTest]) -> float:
     usual, repeats = SAMPLES
     groups = [g for g in alike_groups([t for t in tests if _loads(t)]) if len(g) > 1]
     try:
-        found = scatter_between(groups)
+        between = scatter_between(groups)
     except ValueError:
         return usual
-    squares = found.freedom * found.deviation**2 + repeats * usual**2
-    return float(np.sqrt(squares / (found.freedom + repeats)))
+    squares = between.freedom * between.deviation**2 + repeats * usual**2
+    return float(np.sqrt(squares / (between.freedom + repeats)))
 
 
 def _readings(paths: list[Path], laws, bases, scatter: float, said: tuple[str, ...], words: str) -> Readings:

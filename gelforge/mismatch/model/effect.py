@@ -30,8 +30,8 @@ class Curves:
     def at(self, site: int, depth: np.ndarray, slope: bool = False) -> np.ndarray:
         """Return the quantity (..., 3) at depths [mm], 0 above the surface, or its slope per mm."""
         depth = np.asarray(depth, dtype=float)
-        found = self._curve(site, slope)(np.maximum(depth, 0.0))
-        return np.where((depth > 0)[..., None], found, 0.0)
+        values = self._curve(site, slope)(np.maximum(depth, 0.0))
+        return np.where((depth > 0)[..., None], values, 0.0)
 
     def _curve(self, site: int, slope: bool) -> PPoly:
         """Return the polynomials of a site, built once: that takes ten times as long as reading them."""
@@ -81,12 +81,6 @@ class Context:
         at_readings = {key: v if key == name else 0.0 * v for key, v in self.at_readings.items()}
         return replace(self, derivatives=curves, at_readings=at_readings)
 
-    def chosen(self, rows: np.ndarray) -> Context:
-        """Return the context of some readings (R,) bool."""
-        known = {name: values[rows] for name, values in self.at_readings.items()}
-        part = self.observations.chosen(rows)
-        return replace(self, observations=part, force=self.force[rows], at_readings=known)
-
     def slope(self) -> np.ndarray:
         """Return d force / d depth (R, 3) [N/mm] at the readings, as during loading curve."""
         return self.on_readings(self.curves, slope=True)
@@ -94,10 +88,10 @@ class Context:
     def on_readings(self, curves: Curves, slope: bool = False) -> np.ndarray:
         """Return curves (R, 3) at the site and depth of each reading."""
         table = self.observations.table
-        found = np.zeros((len(table), 3))
+        values = np.zeros((len(table), 3))
         for site, rows in table.groupby("site").indices.items():
-            found[rows] = curves.at(site, table["depth_mm"].to_numpy()[rows], slope)
-        return found
+            values[rows] = curves.at(site, table["depth_mm"].to_numpy()[rows], slope)
+        return values
 
 
 Shape = Mapping[str, float | str]  # what is scanned: a place (refits move it between those), a time constant

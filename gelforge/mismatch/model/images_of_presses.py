@@ -25,8 +25,8 @@ def solved_for_all(
     images = [image_of(study, path) for path in paths]
     distinct = list(dict.fromkeys(image for image, _ in images))
     number = {image: k for k, image in enumerate(distinct)}
-    found = solve(distinct)
-    return [found[number[image]] for image, _ in images], [symmetry for _, symmetry in images]
+    solutions = solve(distinct)
+    return [solutions[number[image]] for image, _ in images], [symmetry for _, symmetry in images]
 
 
 def image_of(study: Study, path: Path) -> tuple[Path, str]:
@@ -73,13 +73,13 @@ def numbers_at_image(shapes: Sequence[Shape], symmetry: str, width: float) -> li
     rest = [{k: v for k, v in shape.items() if k not in ("x_mm", "y_mm", "side")} for shape in shapes]
     own = np.array([_place_of(shape, width) for shape in shapes])
     there = transform_points(inverse(symmetry), own, width)
-    found = []
+    numbers = []
     for number, (shape, place) in enumerate(zip(rest, there)):
         if np.isfinite(place).all():
-            alike = np.array([other == shape for other in rest])
-            number = int(np.argmin(np.where(alike, np.abs(own - place).max(axis=1), np.inf)))
-        found.append(number)
-    return found
+            same = np.array([other == shape for other in rest])
+            number = int(np.argmin(np.where(same, np.abs(own - place).max(axis=1), np.inf)))
+        numbers.append(number)
+    return numbers
 
 
 def _place_of(shape: Shape, width: float) -> tuple[float, float]:

@@ -25,12 +25,6 @@ from gelforge.mismatch.result.verdict import Amount, NamedEffect, Verdict
 from gelforge.mismatch.summary.findings import NINETY, limits_of
 
 CLEAR_S = 8.0  # between two indentations: the unloading, to the next position and down to the surface
-WEIGHTS_N = (0.5, 1.0, 2.0, 5.0)  # a usual set (judgement)
-WEIGHT_S = 20.0  # to put a weight on, read and take it off
-DWELL_S = (0.5, 0.6, 0.7, 0.8, 0.9)  # readings at the time of the images
-LONG_DWELL_S = (1.0, 3.0, 10.0, 30.0, 60.0)  # as long as a laboratory waits at each place (judgement)
-WAYS_UP = (0.75, 0.5, 0.25)  # of the indentation's depth
-LATER_DAYS = 30.0  # when a silicone that goes on curing has changed (judgement)
 
 
 def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Verdict:
@@ -39,7 +33,7 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
     Both are known without a solve; `gelforge mismatch plan` weighs others. Those that are expected to decide come first.
     """
     effects = {effect.name: effect for effect in verdict.effects}
-    found = []
+    experiments = []
     for names in rivals(verdict):
         if of_camera(names):
             continue
@@ -47,9 +41,9 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
         plans = [again(problem, context, pair), weights(context.study, pair)]
         best = next_experiment(plans, *map(survivor, pair))[0]
         if best.decides:
-            found.append(best)
-    found.sort(key=lambda experiment: (experiment.cost_s, -(experiment.expected_log_odds or 0.0)))
-    return verdict.model_copy(update={"next_experiments": [*found, *verdict.next_experiments]})
+            experiments.append(best)
+    experiments.sort(key=lambda experiment: (experiment.cost_s, -(experiment.expected_log_odds or 0.0)))
+    return verdict.model_copy(update={"next_experiments": [*experiments, *verdict.next_experiments]})
 
 
 def rivals(verdict: Verdict) -> list[tuple[str, str]]:
@@ -78,18 +72,22 @@ def planned(
         effect, amounts = CATALOGUE[one.name], np.array([amount.value for amount in one.amounts])
         columns[one.name] = columns_of(context, effect, one.shape)
         part = Candidate(one.name, one.shape, columns[one.name], effect.prior_sd, np.zeros(len(amounts)))
-        directions = problem.errors_of([part], amounts)
+        directions = problem.errors_of([(part, amounts)])
         if directions.size:
             errors[one.name] = problem.covariance.errors(directions)
     presses = context.observations.table["press"].nunique()
     return Plan(name, minutes, presses, problem.covariance, columns, errors)
 
 
-def weights(study: Study, survivors: Sequence[NamedEffect]) -> Plan:
-    """Return the plan of dead weights on the force sensor, along z and, turned, along x and y: the gel has no part in it."""
-    force = np.array([-w * axis for axis in np.eye(3) for w in WEIGHTS_N])
+def weights(study: Study, survivors: Sequence[NamedEffect], each_s: float = 20.0) -> Plan:
+    """Return the plan of dead weights on the force sensor, along z and, turned, along x and y: the gel has no part in it.
+
+    each_s: to put one on, read and take it off.
+    """
+    # N, a usual set (judgement)
+    force = np.array([-w * axis for axis in np.eye(3) for w in (0.5, 1.0, 2.0, 5.0)])
     R = len(force)
-    at = [("weights", f"w{k}", k, 0, "load", WEIGHT_S * k, 1.0, 0.0, 0.0, 1.0, 1.0) for k in range(R)]
+    at = [("weights", f"w{k}", k, 0, "load", each_s * k, 1.0, 0.0, 0.0, 1.0, 1.0) for k in range(R)]
     table = pd.DataFrame(at, columns=COLUMNS[:11]).reindex(columns=COLUMNS)
     sigma = np.broadcast_to(np.array(ForceSensor().resolution_N) / np.sqrt(12), (R, 3)).copy()
     observations = Observations(
@@ -104,7 +102,7 @@ def weights(study: Study, survivors: Sequence[NamedEffect]) -> Plan:
         nothing = np.zeros((3 * R, len(effect.parameters)))
         columns[effect.name] = columns_of(still, effect, one.shape) if of_sensor else nothing
     name, covariance = "dead weights on the force sensor, along each axis", Covariance(sigma.ravel() ** 2)
-    return Plan(name, R * WEIGHT_S / 60, 0, covariance, columns)
+    return Plan(name, R * each_s / 60, 0, covariance, columns)
 
 
 def survivor(effect: NamedEffect) -> Screened:
@@ -121,14 +119,13 @@ def survivor(effect: NamedEffect) -> Screened:
 def _spread(amount: Amount, parameter: Parameter) -> float:
     """Return the standard deviation of a reported value, by a side that its physical range does not cut; else its width."""
     (low, high), value = amount.interval_90, amount.value
-    ends = {*parameter.bounds, 0.0} if parameter.sign else {*parameter.bounds}
-    sides = [abs(end - value) for end in (low, high) if end not in ends and low <= value <= high]
+    sides = [abs(end - value) for end in (low, high) if end not in parameter.bounds and low <= value <= high]
     return max(sides) / NINETY if sides else parameter.width
 
 
 def planned_observations(
     study: Study,
-    dwell_s: tuple[float, ...] = DWELL_S,
+    dwell_s: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8, 0.9),
     ways_up: tuple[float, ...] = (),
     ages_days: tuple[float, ...] = (np.nan,),
 ) -> Observations:
@@ -159,7 +156,7 @@ def planned_observations(
     press_depth, session_depth = depth_scatter(DepthZero(), study.mismatch.contact_point_scatter_mm)
     noise = np.broadcast_to(sigma, (R, 3)).copy()
     sites = np.array([[cell.x_mm, cell.y_mm] for cell in cells])
-    found = Observations(
+    observations = Observations(
         table,
         np.zeros((R, 3)),
         sites,
@@ -169,7 +166,7 @@ def planned_observations(
         np.full(R, CONTACT_POINT_MM if np.isnan(session_depth) else session_depth),
         came_along=np.concatenate([last_moves(own) for _, own in table.groupby("session", sort=False)]),
     )
-    return spread(found, study)
+    return spread(observations, study)
 
 
 def planned_problem(solver: Solver) -> Problem:
@@ -234,13 +231,13 @@ def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
 
 def variants_of(study: Study) -> dict[str, Observations]:
     """Return the readings of a study's plan as it is and in other ways, by name."""
+    dwells = (1.0, 3.0, 10.0, 30.0, 60.0)  # as long as a laboratory waits at each place (judgement)
+    later = 30.0  # days: a silicone that goes on curing has changed (judgement)
     return {
         "the same plan again": planned_observations(study),
-        "the same plan, read during unloading too": planned_observations(study, ways_up=WAYS_UP),
-        f"the same plan with dwells of {LONG_DWELL_S[-1]:g} s": planned_observations(study, LONG_DWELL_S),
-        f"the same plan now and in {LATER_DAYS:g} days": planned_observations(
-            study, ages_days=(0.0, LATER_DAYS)
-        ),
+        "the same plan, read during unloading too": planned_observations(study, ways_up=(0.75, 0.5, 0.25)),
+        f"the same plan with dwells of {dwells[-1]:g} s": planned_observations(study, dwells),
+        f"the same plan now and in {later:g} days": planned_observations(study, ages_days=(0.0, later)),
     }
 
 

@@ -18,11 +18,11 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.candidates import body_map
 from gelforge.mismatch.evidence.kernels import Module
 from gelforge.mismatch.evidence.problem import Problem
-from gelforge.mismatch.evidence.refit import Refitted
+from gelforge.mismatch.evidence.screen import Term
 from gelforge.mismatch.fem.nominal import observations_of, problem_of
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import Base
-from gelforge.mismatch.images.flow import force_part, with_flow
+from gelforge.mismatch.images.flow import with_flow
 from gelforge.mismatch.inference.judge import Judgement, judge
 from gelforge.mismatch.model.effect import Effect
 from gelforge.mismatch.pipeline.experiments import with_experiments
@@ -52,18 +52,18 @@ SOLUTIONS = "solves"  # folder of what is solved on the way, in the verdict's ow
 def patch_of(
     study: Study,
     effects: Mapping[str, Effect],
-    fit: Refitted | None,
+    terms: Sequence[Term] = (),
     module: Module | None = None,
     map_: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
-    """Return the keys that differ with the fitted effects.
+    """Return the keys that differ with effects at their values.
 
     What the finite elements know becomes keys of mechanics (and `plan.symmetry: none` instead of `d4`, where mirror images
     no longer hold); what belongs to force sensor, clock or single indentations goes to mismatch.known, which the judge
     adds to the base. The map of a module goes to mechanics where a study can have it, and nowhere else.
     """
     with_effects, known = study, []
-    for part, amounts in () if fit is None else zip(fit.parts, fit.amounts):
+    for part, amounts in terms:
         effect = effects[part.name]
         if effect.to_study is not None:
             with_effects = effect.to_study(with_effects, part.shape, tuple(amounts))
@@ -162,7 +162,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     observations, synthetic = observations_of(recordings, study)
     forces, base = problem_of(solver, observations)
     problem, joint, judgement = judged_with_images(solver, base, forces, recordings)
-    in_newtons, after = force_part(problem, judgement), after_of(joint, judgement)
+    after = after_of(joint, judgement)
     verdict = verdict_of(
         problem,
         judgement,
@@ -179,7 +179,7 @@ def judge_recording(solver: Solver, sessions: Sequence[Path | Recording], out: P
     (out / PATCH).unlink(missing_ok=True)
     if taken_over(judgement):
         write_patch(out, study, problem, judgement)
-    return write_results(out, verdict, in_newtons, flow_table(joint, after))
+    return write_results(out, verdict, problem, judgement, flow_table(joint, after))
 
 
 def judged_with_images(
@@ -235,24 +235,20 @@ def of_effects(problem: Problem, names: Collection[str]) -> Problem:
 def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement) -> None:
     """Write config.patch.yaml: the fitted effects, and the map of a cause with a free form where a study can have it."""
     model = judgement.model
-    fit = None if model is not None and not model.beside else judgement.answered.fit
+    terms = () if model is not None and not model.beside else judgement.answered.fit.terms
     cause = (model.module, model.map()) if model is not None and model.sure else ()
-    if changes := patch_of(study, problem.effects, fit, *cause):
+    if changes := patch_of(study, problem.effects, terms, *cause):
         out.mkdir(parents=True, exist_ok=True)
         write_yaml(out / PATCH, changes)
 
 
 def write_results(
-    out: Path, verdict: Verdict, in_newtons: tuple[Problem, Judgement], flow: pd.DataFrame | None = None
+    out: Path, verdict: Verdict, problem: Problem, judgement: Judgement, flow: pd.DataFrame | None = None
 ) -> Verdict:
-    """Write the tables, then verdict.json with their SHA-256, and return that verdict.
-
-    in_newtons: problem and judgement of the forces alone; flow: the rows of flow.csv.
-    """
-    problem, judgement = in_newtons
+    """Write the tables, then verdict.json with their SHA-256, and return that verdict; flow: the rows of flow.csv."""
     tables = {
         READINGS: readings_table(problem, judgement),
-        BODY_MAP: body_map(problem),
+        BODY_MAP: body_map(problem.in_newtons),
         CORRECTION: correction_table(problem, judgement.model),
         MODULE: None if judgement.model is None else judgement.model.map(),
         FLOW: flow,

@@ -12,16 +12,12 @@ from gelforge.config import DepthZero
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.recording.readings import AXES, FORCE, RAW, Recording, force_on_sensor
 
-FINEST = 1e-9  # N, the last digit looked at: those beyond are of a computation, as interpolated readings have
-BENT = 2.0  # times the scatter of zero readings: more than that of dwells about a line is relaxation
-LEAST_SCATTER = 0.1  # of the step, where all repeats were rounded to one number
 LEAST_FREEDOM = 10  # repeats that a noise estimate needs
 TOGETHER = (
     "{session}: single indentations have too few zero rows to show the noise: it is taken from those of all"
     " indentations together,"
     " about their drift, which is allowed for"
 )
-BLOCK = 500  # zero rows that are taken at once: they know a standard deviation to 4 %, and a root of their matrix is quick
 # Assumed where neither the session nor repeated indentations say how well zero was found
 CONTACT_POINT_MM = 0.02
 
@@ -51,21 +47,21 @@ def reading_noise(
     if min(zero.freedom, dwell.freedom) >= LEAST_FREEDOM:
         usual = np.maximum(zero.scatter, step / 2)
         k = int(np.argmax(dwell.scatter / usual))
-        if dwell.scatter[k] > BENT * usual[k]:
+        if dwell.scatter[k] > 2 * usual[k]:  # that is relaxation
             dwell = Repeats.none()
             said.append(
                 f"{session.session}: F{AXES[k]} bends during dwells by more than zero readings scatter, {usual[k]:.2g} N: "
                 "the noise is taken from the zero readings alone, and is too small if it grows with the force"
             )
-    found = zero + dwell
-    if found.freedom >= LEAST_FREEDOM:
-        scatter = found.scatter
+    repeats = zero + dwell
+    if repeats.freedom >= LEAST_FREEDOM:
+        scatter = repeats.scatter
         rounding = np.where(scatter < step / 2, step / np.sqrt(12), 0.0)
-        tails = _tails(found.fourths, found.expected, scatter, rounding == 0)
-        least = LEAST_SCATTER * np.maximum(step, stated)
-        return np.maximum(scatter, least), rounding, (float(found.freedom), tails), said
+        tails = _tails(repeats.fourths, repeats.expected, scatter, rounding == 0)
+        least = 0.1 * np.maximum(step, stated)  # where all repeats were rounded to one number
+        return np.maximum(scatter, least), rounding, (float(repeats.freedom), tails), said
     reported = (
-        f"{session.session}: {found.freedom:.3g} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
+        f"{session.session}: {repeats.freedom:.3g} repeated readings, {LEAST_FREEDOM} are needed to know the noise; "
         + (
             "the stated repeatability is used"
             if stated.any()
@@ -76,14 +72,16 @@ def reading_noise(
 
 
 def steps_of(raw: np.ndarray) -> np.ndarray:
-    """Return by axis (3,) [N] the step of recorded numbers (N, 3); nan where they have more digits than FINEST.
+    """Return by axis (3,) [N] the step of recorded numbers (N, 3); nan where they have digits below 1 nN.
+
+    Those are of a computation, as interpolated readings have.
 
     It is their greatest common divisor, the last digit written, or the step of an amplifier of which all are multiples
     within that digit.
     """
-    steps = np.full(raw.shape[1], np.nan)
+    steps, finest = np.full(raw.shape[1], np.nan), 1e-9  # N
     for axis, own in enumerate(raw.T):
-        apart = np.diff(np.unique(np.rint(own[np.isfinite(own)] / FINEST).astype(np.int64)))
+        apart = np.diff(np.unique(np.rint(own[np.isfinite(own)] / finest).astype(np.int64)))
         digit = int(np.gcd.reduce(apart, initial=0))
         if digit <= 1:
             continue
@@ -92,7 +90,7 @@ def steps_of(raw: np.ndarray) -> np.ndarray:
         at = np.cumsum(apart)
         step = at[-1] / counts[-1]
         same = len(apart) >= 5 and np.abs(at - step * counts).max() <= digit
-        steps[axis] = FINEST * (step if same else digit)
+        steps[axis] = finest * (step if same else digit)
     return steps
 
 
@@ -123,7 +121,7 @@ def repeats_of(readings: pd.DataFrame, phase: str, fitted: int) -> Repeats:
     """Return the repeats of a phase about a polynomial in time of so many coefficients per indentation."""
     own = readings[readings["phase"] == phase]
     times, forces = own["time_s"].to_numpy(), own[FORCE].to_numpy()
-    found = Repeats.none()
+    repeats = Repeats.none()
     for rows in own.groupby("press", sort=False).indices.values():
         if len(rows) <= fitted:
             continue
@@ -132,8 +130,8 @@ def repeats_of(readings: pd.DataFrame, phase: str, fitted: int) -> Repeats:
         residual_of = np.eye(len(time)) - curve @ np.linalg.pinv(curve)
         left = residual_of @ forces[rows]
         expected = np.array([np.sum((residual_of**2).sum(axis=1) ** 2), np.sum(residual_of**4)])
-        found += Repeats((left**2).sum(axis=0), (left**4).sum(axis=0), expected, len(time) - fitted)
-    return found
+        repeats += Repeats((left**2).sum(axis=0), (left**4).sum(axis=0), expected, len(time) - fitted)
+    return repeats
 
 
 def _tails(fourths: np.ndarray, expected: np.ndarray, scatter: np.ndarray, free: np.ndarray) -> float:
@@ -174,13 +172,12 @@ def zeros_together(recording: Recording) -> Zeros | None:
         return None
     time = rows["time_s"].to_numpy()
     force = force_on_sensor(rows[RAW].to_numpy(), recording.session.force)
-    found = [
-        _block(time[part], force[part])
-        for part in np.array_split(np.arange(len(rows)), -(-len(rows) // BLOCK))
-    ]
-    repeats = sum((one.repeats for one in found), Repeats.none())
+    # 500 rows at once know a standard deviation to 4 %, and a root of their matrix is quick
+    parts = np.array_split(np.arange(len(rows)), -(-len(rows) // 500))
+    blocks = [_block(time[part], force[part]) for part in parts]
+    repeats = sum((one.repeats for one in blocks), Repeats.none())
     trend, wander = (
-        np.sqrt(np.mean([getattr(one, name) ** 2 for one in found], axis=0)) for name in ("trend", "wander")
+        np.sqrt(np.mean([getattr(one, name) ** 2 for one in blocks], axis=0)) for name in ("trend", "wander")
     )
     return Zeros(repeats, trend, wander)
 
@@ -237,10 +234,10 @@ def _likeliest(cost, m: np.ndarray) -> float:
     logs = np.linspace(np.log(m.min() * 1e-2), np.log(m.max() * 1e2), 30)
     best = logs[int(np.argmin([cost(np.exp(log)) for log in logs]))]
     width = logs[1] - logs[0]
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         lambda log: cost(np.exp(log)), bounds=(best - width, best + width), method="bounded"
     )
-    return float(np.exp(found.x)) if found.fun < cost(0.0) else 0.0
+    return float(np.exp(minimum.x)) if minimum.fun < cost(0.0) else 0.0
 
 
 def depth_scatter(zero: DepthZero, instead_mm: float | None = None) -> tuple[float, float]:

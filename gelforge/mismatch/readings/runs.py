@@ -22,9 +22,8 @@ class Runs:
     ways: tuple[PlannedCell, ...]  # per site, in the order of its number: a loading through all depths
     way: np.ndarray  # (R,) number of each reading's loading
     step: np.ndarray  # (R,) of that loading, at the depth of the reading
-    unloadings: tuple[
-        tuple[int, PlannedCell], ...
-    ]  # number of a loading, and the run that unloads from its way
+    # number of a loading, and the run that unloads from its way
+    unloadings: tuple[tuple[int, PlannedCell], ...]
     unloading: np.ndarray  # (R,) number of each reading's unloading; -1: none
     back: np.ndarray  # (R,) step of that run
 
@@ -45,9 +44,8 @@ def runs_of(observations: Observations) -> Runs:
     unloading = np.full(len(table), -1)
     for number, (site, rows) in enumerate(table.groupby("site").indices.items()):
         x, y = (round(float(v), PLACE_DIGITS) for v in observations.sites[site])
-        down = np.unique(
-            np.concatenate([depth[rows], deepest[rows]])
-        )  # those of unloading too: their base is known
+        # those of unloading too: their base is known
+        down = np.unique(np.concatenate([depth[rows], deepest[rows]]))
         ways.append(PlannedCell(f"site{site:04d}", x, y, tuple(map(float, down))))
         way[rows], step[rows] = number, np.searchsorted(down, depth[rows])
         for peak in np.unique(deepest[rows][up[rows]])[::-1]:

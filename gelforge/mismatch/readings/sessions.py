@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
+from gelforge.config.parts.effects import PressTiming
 from gelforge.indentation.paths.places import visited
 from gelforge.indentation.planning.tolerance import tolerance_of_stage_mm
 from gelforge.indentation.sensor.stage_frame import axes_of_stage
@@ -19,8 +20,8 @@ from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, PLACE_DIGIT
 from gelforge.recording.readings import AXES, FORCE, Recording, read_recording
 from gelforge.recording.tables.checks import before_shear
 
-SPEED_MM_PER_S = 1.0  # assumed where an indentation has one moving row only
-RASTER = 0.9  # |rank correlation| of order with x or y above which time and place are one
+# Assumed where an indentation has one moving row only.
+SPEED_MM_PER_S = PressTiming.model_fields["speed_mm_per_s"].default
 
 
 def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]:
@@ -34,10 +35,10 @@ def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]
     if (folder / "session.yaml").is_file():
         return [folder]
     for inside in (folder / "recordings", folder):
-        found = sorted(path.parent for path in inside.glob("*/session.yaml"))
-        found = [path for path in found if not names or path.name in names]
-        if found:
-            return found
+        folders = sorted(path.parent for path in inside.glob("*/session.yaml"))
+        folders = [path for path in folders if not names or path.name in names]
+        if folders:
+            return folders
     raise ConfigError(
         f"{folder}: no session.yaml in it, in {folder.name}/recordings/* or in {folder.name}/*; name a session's folder"
     )
@@ -192,7 +193,7 @@ def _with_order(found: Observations) -> Observations:
         if presses[axis].nunique() < 3:
             continue
         rank = presses[axis].rank().corr(presses["time_s"].rank())
-        if abs(rank) > RASTER:
+        if abs(rank) > 0.9:  # time and place are one
             unknown.append(
                 f"indentations were made in raster order (rank correlation of time with {axis[0]} {rank:.2f}):"
                 " ageing and drift "

@@ -16,26 +16,18 @@ from gelforge.config import Name, NonNegative, Positive, Section
 from gelforge.files import read_product_json, write_product_json
 from gelforge.mismatch.model.effect import FAMILIES
 from gelforge.mismatch.readings.observations import SetAside
-from gelforge.mismatch.thresholds import DECISIVE
+from gelforge.mismatch.thresholds import (
+    ADEQUATE_P,
+    DECISIVE,
+    HELD_OUT_ERRORS,
+    HELD_OUT_ODDS,
+    LEFT_P,
+    SAME_READINGS_SNR,
+    SURE,
+)
 
 FORMAT: Final = "gelforge-verdict-4"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
-
-# Of the global test, of the scan, of a discrepancy and of the known effects each: any is an alarm, so at most four in
-# a hundred recordings, or materials, of which nothing is missing give a false one.
-ALARM_P = 0.01
-SURE = 0.9  # probability of an effect, or of effects of one line, from which it is identified
-# Of what an answer leaves, each of its two tests. Below the first what is left is reported. Below the second nothing is
-# identified: right answers come below 0.01 in two of a hundred by chance alone, and effects outside the catalogue that come
-# below it do so by far (docs/mismatch-method.md).
-ADEQUATE_P, LEFT_P = 0.01, 0.002
-# A held-out gain counts above so many standard errors, or where it makes what was held out as many times likelier. For an
-# answer that was fixed without it the second comes by chance once in HELD_OUT_ODDS at most (Markov's inequality), one of the
-# two in 2.3 % at most (normal noise).
-HELD_OUT_ERRORS, HELD_OUT_ODDS = 2.0, 100.0
-# Of the difference between two predictions of all readings: below it these readings do not show which one is true.
-SAME_READINGS_SNR = 2.0
-
 State = Literal["consistent", "identified", "ambiguous", "inconclusive", "unexplained"]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Interval = tuple[float, float]

@@ -68,7 +68,7 @@ def write_tables(folder: str | Path, tables: Mapping[str, pd.DataFrame | None]) 
     for name, table in tables.items():
         if table is not None and (missing := [c for c in COLUMNS[name][0] if c not in table]):
             raise VerdictError(f"{Path(folder) / name}: columns {missing} are missing; found {[*table]}")
-    found = {}
+    checksums = {}
     for name, table in tables.items():
         path, (needed, optional) = Path(folder) / name, COLUMNS[name]
         if table is None:
@@ -77,8 +77,8 @@ def write_tables(folder: str | Path, tables: Mapping[str, pd.DataFrame | None]) 
         if name != MODULE:
             table = table[[*needed, *(column for column in optional if column in table)]]
         write_text(path, table.to_csv(index=False, float_format=DIGITS.get(name, "%.9g")))
-        found[name] = file_sha256(path)
-    return found
+        checksums[name] = file_sha256(path)
+    return checksums
 
 
 def limits_table(limits: Sequence[DetectionLimit]) -> pd.DataFrame:

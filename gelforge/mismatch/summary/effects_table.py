@@ -42,8 +42,8 @@ def row(one: Effect) -> str:
 def parameters(found: Sequence[Parameter]) -> str:
     """Return parameters in words, neighbours that differ by name only in one."""
     said = []
-    for (unit, width, (low, high)), alike in groupby(found, key=lambda p: (p.unit, p.width, p.bounds)):
-        names = ", ".join(p.name for p in alike)
+    for (unit, width, (low, high)), group in groupby(found, key=lambda p: (p.unit, p.width, p.bounds)):
+        names = ", ".join(p.name for p in group)
         said.append(f"{names} [{'-' if unit == '1' else unit}] {width:g}, {low:g} .. {high:g}")
     return "; ".join(said)
 

@@ -15,19 +15,16 @@ from gelforge.mismatch.evidence.identifiability import detection_limits
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.refit import Refitted
 from gelforge.mismatch.evidence.screen import Candidate, Screened
-from gelforge.mismatch.images.flow import force_part
 from gelforge.mismatch.inference.judge import Answer, Judgement
 from gelforge.mismatch.inference.scan import ResidualTests
 from gelforge.mismatch.model.effect import Parameter
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.summary.sections import model_section
 from gelforge.mismatch.summary.words import sentence_of, shortcomings
+from gelforge.mismatch.thresholds import ALARM_P, NEGLIGIBLE
 from gelforge.recording.readings import AXES
 
-NEGLIGIBLE = 0.1  # probability of a credible set, below which it is not reported
 NINETY = float(norm.ppf(0.95))
-LOCAL_MM = 5.0  # a pattern wider than this has no place of its own
-PLACES = 3  # patterns of the scan that are reported
 
 
 def own_values(fit: Refitted | Screened, name: str) -> tuple[Candidate, np.ndarray, np.ndarray]:
@@ -56,17 +53,17 @@ def effect_entries(problem: Problem, judgement: Judgement) -> list[form.NamedEff
     answer, posterior = judgement.answer, judgement.posterior
     groups = () if answer is None else answer.groups
     leading = {group.members[0] for group in groups}
-    found = {
+    fits = {
         name: _of_set(judgement, frozenset({name})) or (one, one.log_bayes_factor)
         for name, one in posterior.singles.items()
     }
     if answer is not None:
-        own = answer.winner.effects
+        own = answer.fit.effects
         for group in groups:
             for name in group.names[1:]:
-                found[name] = _of_set(judgement, own - {group.members[0]} | {name}) or found[name]
-        found |= {part.name: (answer.fit, answer.posterior.evidence[own]) for part in answer.fit.parts}
-    reported = [_effect(problem, name, *both, posterior.holding([name])) for name, both in found.items()]
+                fits[name] = _of_set(judgement, own - {group.members[0]} | {name}) or fits[name]
+        fits |= {part.name: (answer.fit, posterior.evidence[own]) for part in answer.fit.parts}
+    reported = [_effect(problem, name, *both, posterior.holding([name])) for name, both in fits.items()]
     return sorted(reported, key=lambda effect: (effect.name not in leading, -effect.probability))
 
 
@@ -111,9 +108,7 @@ def value_entries(
 
 def interval(parameter: Parameter, a: float, sd: float) -> tuple[float, float]:
     """Return the 90 % interval of a value, within its physical range."""
-    low, high = parameter.bounds
-    low, high = (0.0 if parameter.sign > 0 else low), (0.0 if parameter.sign < 0 else high)
-    return tuple(np.clip([a - NINETY * sd, a + NINETY * sd], low, high).tolist())
+    return tuple(np.clip([a - NINETY * sd, a + NINETY * sd], *parameter.bounds).tolist())
 
 
 def verdict_of(
@@ -127,13 +122,12 @@ def verdict_of(
 ) -> form.Verdict:
     """Return the verdict of a judgement."""
     answer, mismatch, posterior = judgement.answer, judgement.mismatch, judgement.posterior
-    in_newtons = force_part(problem, judgement)
     groups = group_entries(judgement)
     unknown = adequacy = None
     if answer is not None:
         chance, left = posterior.holding([UNKNOWN]), answer.adequacy
         unknown = (
-            form.Unknown(probability=chance, words=answer.discrepancy_words) if posterior.unknown else None
+            form.Unknown(probability=chance, words=posterior.discrepancy_words) if posterior.unknown else None
         )
         adequacy = form.Adequacy(p=left.test.p, scan_p=left.scan.p, remains=left.scan.best.name)
     asked = {key: getattr(mismatch, key) for key in ("unknown_p", "known_p") if posterior.unknown}
@@ -144,18 +138,18 @@ def verdict_of(
         sentence=sentence_of(problem, judgement),
         mismatch=form.Mismatch(**vars(mismatch.test), scan_p=mismatch.scan.p, **asked),
         where=[
-            *(_where(mismatch) if mismatch.p < form.ALARM_P else []),
+            *(_where(mismatch) if mismatch.p < ALARM_P else []),
             *(located(judgement.answered, sensor) if groups else []),
         ],
         answer=groups,
         effects=effect_entries(problem, judgement),
         unknown=unknown,
         null_probability=posterior.probability[NOTHING],
-        fit=_fit(*in_newtons).model_copy(update={"flow": flow}),
+        fit=_fit(problem, judgement).model_copy(update={"flow": flow}),
         adequacy=adequacy,
-        model=model_section(*in_newtons),
+        model=model_section(problem, judgement),
         detection_limits=limits_of(problem),
-        noise=_noise(in_newtons[0]),
+        noise=_noise(problem.in_newtons),
         next_experiments=[
             form.Experiment(words=one.decided_by, separates=one.names) for one in groups if one.decided_by
         ],
@@ -167,40 +161,42 @@ def verdict_of(
 
 
 def readings_table(problem: Problem, judgement: Judgement) -> pd.DataFrame:
-    """Return the rows of readings.csv."""
-    labels, observations = problem.labels, problem.observations
+    """Return the rows of readings.csv, which has the forces alone."""
+    forces = problem.in_newtons
+    labels, observations = forces.labels, forces.observations
     held = np.full(len(labels), "no", dtype=object)
     for name, mask in judgement.blocks.held.items():
-        held[mask] = name
+        held[mask[problem.of_force]] = name
     measured, nothing = observations.flat(observations.force), np.full(len(labels), np.nan)
-    rest, unseen = rest_of(problem, judgement), unseen_of(judgement)
+    rest, unseen = rest_of(problem, judgement), unseen_of(problem, judgement)
     return labels[["session", "press", "x_mm", "y_mm", "depth_mm", "phase", "time_s"]].assign(
         site=labels["site"].astype(str),
         axis=np.array(AXES)[labels["axis"]],
         measured_N=measured,
-        base_N=observations.flat(problem.base),
+        base_N=observations.flat(forces.base),
         after_N=nothing if rest is None else measured - rest,
         predicted_N=nothing if unseen is None else measured - unseen,
-        sigma_N=problem.covariance.standard_deviation,
+        sigma_N=forces.covariance.standard_deviation,
         held_out=held,
     )
 
 
 def rest_of(problem: Problem, judgement: Judgement) -> np.ndarray | None:
-    """Return measured less answer and model (n,) [N], fitted to all readings; None where there is neither."""
+    """Return measured less answer and model [N] of the forces, fitted to all readings; None where there is neither."""
     answer, model = judgement.answer, judgement.model
     if model is not None:
-        return model.rest
+        return model.rest[problem.of_force]
     observations = problem.observations
-    return None if answer is None else observations.flat(observations.force - answer.after)
+    if answer is None:
+        return None
+    return observations.flat(observations.force - answer.after)[problem.of_force]
 
 
-def unseen_of(judgement: Judgement) -> np.ndarray | None:
-    """Return measured less the prediction (n,) [N] by what the training readings alone say; None where there is none."""
+def unseen_of(problem: Problem, judgement: Judgement) -> np.ndarray | None:
+    """Return measured less the prediction [N] of the forces by the training readings alone; None where there is none."""
     answer, model = judgement.answer, judgement.model
-    if model is not None:
-        return model.left
-    return None if answer is None or answer.proof is None else answer.proof.left
+    predicted = model if model is not None else answer and answer.proof
+    return predicted and predicted.left[problem.of_force]
 
 
 def _where(mismatch: ResidualTests) -> list[form.Where]:
@@ -208,26 +204,27 @@ def _where(mismatch: ResidualTests) -> list[form.Where]:
     strongest: dict = {}
     for finding in mismatch.scan.ranked:
         strongest.setdefault(finding.kind, finding)
-    found: list[form.Where] = []
-    for finding in [*strongest.values()][:PLACES]:
-        region = finding.region if finding.region.get("radius_mm", 0.0) <= LOCAL_MM else {}
+    places: list[form.Where] = []
+    for finding in [*strongest.values()][:3]:
+        # wider ones have no place
+        region = finding.region if finding.region.get("radius_mm", 0.0) <= 5.0 else {}
         axis = f"force {region['axis']}" if "axis" in region else "force"
-        said = {"channel": axis, "p": None if found else mismatch.scan.p, "snr": finding.snr, **region}
+        said = {"channel": axis, "p": None if places else mismatch.scan.p, "snr": finding.snr, **region}
         known = {key: value for key, value in said.items() if key in form.Where.model_fields}
-        found.append(form.Where(words=finding.name, **known))
-    return found
+        places.append(form.Where(words=finding.name, **known))
+    return places
 
 
 def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
     """Return where the answer's defects lie in the sensor: balls in a layer, discs on the lower face of the skin."""
-    found, shape = [], _shape(sensor)
+    places, shape = [], _shape(sensor)
     for part in answer.fit.parts:
         if "z_mm" not in part.shape:
             continue
         x, y, z, radius = (float(part.shape[key]) for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
         half = 0.0 if part.name == "delamination" else radius
         layers = [] if shape is None else shape.layers
-        found.append(
+        places.append(
             form.Where(
                 words=f"{part.name.replace('_', ' ')} at ({x:.4g}, {y:.4g}) mm, {-z:.3g} mm below the surface",
                 x_mm=x,
@@ -237,7 +234,7 @@ def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
                 depth_mm=(max(-z - half, 0.0), -z + half),
             )
         )
-    return found
+    return places
 
 
 def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
@@ -249,8 +246,8 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     elif answer is not None and answer.proof is not None:
         held, *blocks = answer.proof.held
     return form.Fit(
-        before=form.score(problem.labels, problem.residual),
-        after=None if rest is None else form.score(problem.labels, rest),
+        before=form.score(problem.in_newtons.labels, problem.in_newtons.residual),
+        after=None if rest is None else form.score(problem.in_newtons.labels, rest),
         held_out=held,
         held_out_blocks=[*blocks, *(() if answer is None else answer.folds)],
     )
@@ -258,10 +255,10 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
 
 def limits_of(problem: Problem) -> list[form.DetectionLimit]:
     """Return the smallest value of each effect that the readings would show."""
-    found = []
+    limits = []
     for part, k, amount in detection_limits(problem.covariance, problem.physics):
         parameter = problem.effect_of(part).parameters[k]
-        found.append(
+        limits.append(
             form.DetectionLimit(
                 effect=part.name,
                 parameter=parameter.name,
@@ -270,7 +267,7 @@ def limits_of(problem: Problem) -> list[form.DetectionLimit]:
                 plausible=parameter.width,
             )
         )
-    return found
+    return limits
 
 
 def _noise(problem: Problem) -> form.Noise:

@@ -15,22 +15,23 @@ from gelforge.recording.readings import AXES
 
 
 def model_section(problem: Problem, judgement: Judgement) -> form.Model | None:
-    """Return what verdict.json says of the model, of problem and judgement of the forces alone; None where there is none."""
+    """Return what verdict.json says of the model; None where there is none."""
     model = judgement.model
     if model is None:
         return None
-    held, depth, named = model.held, problem.labels["depth_mm"], model.kernel.is_cause
+    held, labels, named = model.held, problem.in_newtons.labels, model.kernel.is_cause
+    depth, change = labels["depth_mm"], np.abs(model.change[problem.of_force])
     if model.beside and judgement.answered.proof is not None:  # before: the effects alone
         held = held.model_copy(update={"before": judgement.answered.proof.held[0].after})
-    changes = [np.abs(model.change[problem.labels["axis"] == k]) for k in range(3)]
+    changes = [change[labels["axis"] == k] for k in range(3)]
     return form.Model(
         cause=model.module.name if model.module is not None and named else None,
         probability=model.probability if named else None,
         words=f"a change of {model.kernel.words}" if model.module is None else in_words(model),
         beside=[part.name for part in judgement.answered.fit.parts] if model.beside else [],
-        largest_N=[float(change.max()) if len(change) else None for change in changes],
+        largest_N=[float(own.max()) if len(own) else None for own in changes],
         depth_mm=(float(depth.min()), float(depth.max())),
-        sites=len(problem.labels.drop_duplicates(["x_mm", "y_mm"])),
+        sites=len(labels.drop_duplicates(["x_mm", "y_mm"])),
         corrects_labels=model.kernel.of_labels,
         held_out=held,
     )
@@ -53,25 +54,25 @@ def correction_table(problem: Problem, model: Modelled | None) -> pd.DataFrame |
     """
     if model is None or not model.kernel.of_labels:
         return None
-    place, table = ["x_mm", "y_mm", "depth_mm"], problem.observations.table
+    forces, of_force = problem.in_newtons, problem.of_force
+    place, table = ["x_mm", "y_mm", "depth_mm"], forces.observations.table
     rows = table[table["phase"] == "load"].drop_duplicates(place).sort_values(["y_mm", "x_mm", "depth_mm"])
-    both = np.full((2, *problem.base.shape), np.nan)  # nan where an axis was not read
-    both[:, problem.observations.read] = model.change, model.spread
-    force, (change, sigma) = problem.base[rows.index], both[:, rows.index]
-    found = rows[place].reset_index(drop=True)
+    both = np.full((2, *forces.base.shape), np.nan)  # nan where an axis was not read
+    both[:, forces.observations.read] = model.change[of_force], model.spread[of_force]
+    force, (change, sigma) = forces.base[rows.index], both[:, rows.index]
+    corrections = rows[place].reset_index(drop=True)
     for k, axis in enumerate(AXES):
         for name, values in (("base", force), ("change", change), ("sigma", sigma)):
-            found[f"{name}_{axis}_N"] = values[:, k]
-    return found
+            corrections[f"{name}_{axis}_N"] = values[:, k]
+    return corrections
 
 
 def after_of(joint: Problem, judgement: Judgement) -> np.ndarray | None:
     """Return forces and flow (R, 3) of all readings with the answer's effects; None without images or an answer."""
     if joint.flow is None or judgement.answer is None:
         return None
-    fit = judgement.answer.fit
-    parts = [joint.at_its_place(part) for part in fit.parts]
-    return joint.forces_with(parts, fit.amounts, np.ones(len(joint.base), bool))
+    terms = [(joint.at_its_place(part), a) for part, a in judgement.answer.fit.terms]
+    return joint.forces_with(terms, np.ones(len(joint.base), bool))
 
 
 def flow_section(joint: Problem, judgement: Judgement, after: np.ndarray | None) -> form.Flow | None:
@@ -109,8 +110,8 @@ def flow_table(joint: Problem, after: np.ndarray | None) -> pd.DataFrame | None:
     middles = np.concatenate([region_middles(press.eye) for press in joint.flow.model.seen])
     table = rows.assign(middle_u_px=middles[shown, 0], middle_v_px=middles[shown, 1])
     nothing = np.full_like(joint.base, np.nan)
-    found = {"measured": observations.force, "base": joint.base, "after": nothing if after is None else after}
-    for name, values in found.items():
+    flows = {"measured": observations.force, "base": joint.base, "after": nothing if after is None else after}
+    for name, values in flows.items():
         table[f"{name}_u_px"], table[f"{name}_v_px"] = values[R:][shown, 0], values[R:][shown, 1]
     sigma = joint.covariance.standard_deviation[joint.flow.entries :].reshape(-1, 2)
     return table.assign(sigma_u_px=sigma[:, 0], sigma_v_px=sigma[:, 1]).reset_index(drop=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.inference.judge import Answer, Judgement
 from gelforge.mismatch.result import verdict as form
+from gelforge.mismatch.thresholds import ADEQUATE_P, LEFT_P
 
-MOST_CLAUSES = 2  # of a headline
 MOST_WORDS = 25  # of a headline
 
 
@@ -51,8 +51,8 @@ def _identified(problem: Problem, judgement: Judgement, brief: bool) -> str:
             (_clause(problem, judgement.answer, group, brief), group.probability)
             for group in sorted(judgement.answer.sure, key=lambda group: -group.probability)
         ]
-    said = ", and ".join(clause for clause, _ in claims[:MOST_CLAUSES])
-    more = f", and {len(claims) - MOST_CLAUSES} more" if len(claims) > MOST_CLAUSES else ""
+    said = ", and ".join(clause for clause, _ in claims[:2])
+    more = f", and {len(claims) - 2} more" if len(claims) > 2 else ""
     left_out = "the simulation leaves out: " if brief else ""
     return f"{left_out}{said}{more} (probability {min(chance for _, chance in claims):.2f})."
 
@@ -85,9 +85,9 @@ def _why_unexplained(judgement: Judgement) -> str:
         return "no effect is probable enough, or none could be fitted"
     if judgement.out_of_range:
         return "the best one needs a value that is not physical"
-    if judgement.answer.adequacy.p <= form.LEFT_P:
+    if judgement.answer.adequacy.p <= LEFT_P:
         return "the best one leaves a residual"
-    return f"a change of {judgement.answer.discrepancy_words} is more probable"
+    return f"a change of {judgement.posterior.discrepancy_words} is more probable"
 
 
 def shortcomings(problem: Problem, judgement: Judgement) -> list[str]:
@@ -100,11 +100,11 @@ def _left_over(judgement: Judgement) -> list[str]:
     if judgement.answer is None or judgement.state == "unexplained":
         return []
     left = judgement.answer.adequacy
-    if left.p > form.ADEQUATE_P:
+    if left.p > ADEQUATE_P:
         return []
     return [
         f"something small may be there in addition to the answer, most clearly {left.scan.best.name}: as much is left by"
-        f" chance with p = {left.p:.2g}; below {form.LEFT_P:g} nothing would have been identified"
+        f" chance with p = {left.p:.2g}; below {LEFT_P:g} nothing would have been identified"
     ]
 
 
