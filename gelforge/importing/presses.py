@@ -52,7 +52,6 @@ class Presses:
     left_out: tuple[tuple[int, float, str], ...]
     untouched_s: tuple[float, ...]
     smooth_N: np.ndarray  # (m,) force towards the gel above rest, smoothed
-    threshold_N: float
 
 
 def find_presses(
@@ -124,7 +123,7 @@ def find_presses(
         raise ImportingError(
             f"none of {number} indentations is left; correct skip, or check force.columns and stage.z"
         )
-    return Presses(tuple(kept), tuple(left_out), tuple(untouched), smooth, threshold)
+    return Presses(tuple(kept), tuple(left_out), tuple(untouched), smooth)
 
 
 def _above_rest(force_s, push) -> tuple[np.ndarray, float]:

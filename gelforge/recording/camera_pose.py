@@ -31,8 +31,6 @@ class Pose:
     sd: np.ndarray  # (4,) x, y, z [mm], turn about z [deg]; z is 0 for a flat scale, which has none
     rms_px: float
     places_mm: np.ndarray  # (P, 2)
-    centres_px: np.ndarray  # (P, 2)
-    residual_px: np.ndarray  # (P, 2)
     left_out: dict[str, str]
     per_tilt_mm: float  # by how much a tilt of 1 deg that is not known moves the position found
     per_tilt_px: float  # and by how much it changes the residual, which could show it
@@ -125,9 +123,7 @@ def fit_pose(
     other, its, _ = _fit(tilted, places[kept], centres[kept], plane_z_mm)
     moved = np.linalg.norm(np.subtract(other.position_mm, found.position_mm))
     rms = [float(np.sqrt((r**2).sum(axis=1).mean())) for r in (residual, its)]
-    return Pose(
-        found, sd, rms[0], places[kept], centres[kept], residual, left_out, float(moved), abs(rms[1] - rms[0])
-    )
+    return Pose(found, sd, rms[0], places[kept], left_out, float(moved), abs(rms[1] - rms[0]))
 
 
 def _check_places(places: np.ndarray) -> None:

@@ -76,11 +76,6 @@ class MaterialTest:
         return self.nominal_stress * self.stretch
 
     @property
-    def load_case(self) -> str:
-        """Return the load case whose closed form a law is compared with."""
-        return LOAD_CASE_OF[self.test]
-
-    @property
     def abscissa(self) -> str:
         """Return what `stretch` is called in a sentence."""
         return "shear" if self.test == "simple_shear" else "stretch"

@@ -67,7 +67,6 @@ class Comparison:
 
     candidates: list[Candidate]
     chosen: Candidate
-    effective_points: float
     chosen_by: str  # "aicc", "held_out" or "first"
     widths: list[PredictionWidth]
     fallback: tuple[str, ...] = ()  # which models were replaced by simpler ones, and why
@@ -191,7 +190,7 @@ def compare_laws(
         raise FitError(f"no constitutive model of {', '.join(fits)} is determined and stable: {reasons}")
     chosen = _chosen(candidates, choose, fallback)
     said = tuple(f"{new} IS FITTED IN PLACE OF {name}. {fits[name]}" for name, new in fallback.items())
-    return Comparison(candidates, chosen, n, choose, prediction_widths(curves, chosen.fitted), said)
+    return Comparison(candidates, chosen, choose, prediction_widths(curves, chosen.fitted), said)
 
 
 def _fit_or_reason(curves: list[MeanCurve], name: str, loss: str) -> LawFit | FitError:

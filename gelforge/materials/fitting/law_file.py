@@ -127,15 +127,6 @@ def _moved(material: MaterialLaw, move: np.ndarray, amount: float) -> tuple[Prin
     )
 
 
-def leaves_valid_range(material: MaterialLaw, lam: np.ndarray) -> np.ndarray | None:
-    """Return whether deformations with principal stretches lam (..., 3), in any order, leave the tested range.
-
-    Changes of volume do not count. None where the law was given and nothing is known of its range.
-    """
-    valid = material.valid_range
-    return None if valid is None else valid.outside(lam)
-
-
 def write_law(path: str | Path, material: MaterialLaw) -> None:
     """Write law.json, whole or not at all."""
     law, covariance, family = material.law, material.covariance, material.family
