@@ -77,7 +77,7 @@ def find_presses(
     for excursion in merged:
         start, end = stage.time_s[excursion.first], stage.time_s[excursion.last]
         a, b = np.searchsorted(force_s, [start, end])
-        cut = _cut(stage, excursion, force_s, smooth, threshold, level_mm, frames_s)
+        cut = _cut(stage, excursion, force_s, level_mm, frames_s)
         touches = [
             (a + i, a + j)
             for i, j in runs_above(smooth[a:b], threshold)
@@ -101,7 +101,7 @@ def find_presses(
                     f"{at}: no row between {force_s[gap[0]]:.2f} and {force_s[gap[0] + 1]:.2f} s, while it is pressed;"
                     f" leave it out with skip: [{number}]"
                 )
-            _refuse_slip(at, number, stage, excursion, force_s[rows], smooth[rows], travel_at[rows])
+            _refuse_slip(at, number, force_s[rows], smooth[rows], travel_at[rows])
             kept.append(
                 _press(
                     at,
@@ -155,7 +155,7 @@ def _merged(stage, found, force_s, smooth, threshold) -> list[Excursion]:
     return out
 
 
-def _cut(stage, excursion, force_s, smooth, threshold, level_mm, frames_s) -> str:
+def _cut(stage, excursion, force_s, level_mm, frames_s) -> str:
     """Return which log begins or ends within an indentation, "" where none does."""
     travel = stage.values[excursion.first : excursion.last + 1, 2]
     deep = np.flatnonzero(travel > level_mm)
@@ -174,7 +174,7 @@ def _cut(stage, excursion, force_s, smooth, threshold, level_mm, frames_s) -> st
     return ""
 
 
-def _refuse_slip(at, number, stage, excursion, force_s, smooth, travel) -> None:
+def _refuse_slip(at, number, force_s, smooth, travel) -> None:
     """Raise ImportingError where the force falls at once while the stage stays or goes deeper."""
     later = np.minimum(np.searchsorted(force_s, force_s + SLIP_S), len(force_s) - 1)
     retreat = travel - travel[later]

@@ -71,14 +71,14 @@ def _rows(
     tolerance_mm: float,
 ) -> list[dict]:
     xy = np.round(place_of(press), 3)
-    rows = [_zero_row(press, zero, stage, at, xy) for at in np.linspace(*press.zero_s, ZERO_ROWS + 2)[1:-1]]
+    rows = [_zero_row(zero, stage, at, xy) for at in np.linspace(*press.zero_s, ZERO_ROWS + 2)[1:-1]]
     if frames:
         k, at = frames.near(rows[-1]["time_s"])
         if not press.zero_s[0] <= at <= press.zero_s[1]:
             raise ImportingError(
                 f"indentation {press.number}: no frame in its zero phase; leave it out with skip: [{press.number}]"
             )
-        rows[-1] = _zero_row(press, zero, stage, at, xy) | {"frame": k}
+        rows[-1] = _zero_row(zero, stage, at, xy) | {"frame": k}
         rows.sort(key=lambda row: row["time_s"])
     if not press.waits:
         frame: int | None = None
@@ -140,7 +140,7 @@ def _row(phase, at, xy, depth, speed=np.nan, dwell=np.nan, frame=None) -> dict:
     return row if frame is None else row | {"frame": frame}
 
 
-def _zero_row(press, zero, stage, at, xy) -> dict:
+def _zero_row(zero, stage, at, xy) -> dict:
     depth = float(np.interp(at, stage.time_s, stage.values[:, 2])) - zero
     return _row("zero", at, xy, min(depth, 0.0))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from gelforge.report.verdict.mismatch_reader import JudgedReadings
 Content = dict[str, Any]
 
 
-def write_calibration_page(folder: str | Path, written: datetime | None = None) -> Path:
+def write_calibration_page(folder: str | Path) -> Path:
     """Write report.html beside calibration.json and readings.csv in a folder; return its path."""
     folder = Path(folder)
     content = read_product_json(folder / CALIBRATION, "run `gelforge calibrate` again")
@@ -32,7 +31,7 @@ def write_calibration_page(folder: str | Path, written: datetime | None = None) 
     chapters = [in_short(content), curves(readings), residuals(readings), apart(content), origin(content)]
     head = {key: content[key] for key in ("title", "synthetic")}
     sentence = "; ".join(_value(one) for one in content["parameters"])
-    return write_page(folder / PAGE, "calibration.html", chapters, written, sentence=sentence, **head)
+    return write_page(folder / PAGE, "calibration.html", chapters, sentence=sentence, **head)
 
 
 def _value(one: Content) -> str:

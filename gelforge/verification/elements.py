@@ -33,10 +33,10 @@ ORDERS = {
 }
 
 
-def distorted(mesh: Mesh, share: float, seed: int = 21) -> Mesh:
+def distorted(mesh: Mesh, share: float) -> Mesh:
     """Return the mesh with its free nodes moved at random by up to share of the least edge; hanging nodes follow."""
     edges = mesh.X[mesh.elements[:, [1, 3, 4]]] - mesh.X[mesh.elements[:, [0]]]
-    shift = np.random.default_rng(seed).uniform(-1, 1, mesh.X.shape)
+    shift = np.random.default_rng(21).uniform(-1, 1, mesh.X.shape)
     shift *= share * np.linalg.norm(edges, axis=-1).min()
     X = mesh.X + shift * ~mesh.fixed[:, None]
     return replace(mesh, X=X if mesh.ties is None else mesh.ties @ X)
@@ -86,9 +86,9 @@ def patch_test() -> list[Check]:
     ]
 
 
-def newton_order(errors: list[float], floor: float = 1e-12) -> float:
+def newton_order(errors: list[float]) -> float:
     """Return the order log(e_k+1 / e_k) / log(e_k / e_k-1) of the last three errors above rounding."""
-    seen = [error for error in errors if error > floor]
+    seen = [error for error in errors if error > 1e-12]
     return float(np.log(seen[-1] / seen[-2]) / np.log(seen[-2] / seen[-3]))
 
 

@@ -195,7 +195,7 @@ def print_scale(study: Study, name: str, session: Session) -> None:
         plane, of = particle_plane_mm(study.sensor), "the particles' mean"
     except CameraError:
         plane, of = 0.0, "the undeformed top"
-    print(scale_line("scale", seen_by(session), plane) + f" ({of}), session {name}")
+    print(scale_line(seen_by(session), plane) + f" ({of}), session {name}")
 
 
 def pictured_session(study: Study, path: Path) -> Session | None:

@@ -348,14 +348,14 @@ def mesh_size(study: Study, sizes: Mesh, cell) -> tuple[int, int]:
     return 3 * int((~mesh.hanging).sum()), len(mesh.surface.nodes)
 
 
-def read_costs(path: Path = MEASURED) -> pd.DataFrame:
+def read_costs() -> pd.DataFrame:
     """Return measured cells: kind ("solved" or "mirrored"), degrees_of_freedom, cpu_s."""
     from gelforge.csv_table import read_csv
 
-    return read_csv(path, numbers=("degrees_of_freedom", "cpu_s"), texts=("kind",))
+    return read_csv(MEASURED, numbers=("degrees_of_freedom", "cpu_s"), texts=("kind",))
 
 
-def write_costs(rows: list[tuple[str, int, float]], where: str, path: Path = MEASURED) -> None:
+def write_costs(rows: list[tuple[str, int, float]], where: str) -> None:
     """Write measured cells (kind, degrees of freedom, CPU seconds); where says on which machine, in words."""
     lines = [
         f"# CPU seconds of a cell with {DEPTHS} depths on one thread, by `python benchmarks/cell_cost.py --update`",
@@ -363,7 +363,7 @@ def write_costs(rows: list[tuple[str, int, float]], where: str, path: Path = MEA
         "kind,degrees_of_freedom,cpu_s",
         *(f"{kind},{size},{seconds:.2f}" for kind, size, seconds in rows),
     ]
-    write_text(path, "\n".join(lines) + "\n")
+    write_text(MEASURED, "\n".join(lines) + "\n")
 
 
 def cell_seconds(measured: pd.DataFrame, unknowns: int) -> float:

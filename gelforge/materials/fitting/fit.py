@@ -82,11 +82,11 @@ class LawFit:
         T = self.family.values(self.theta)[1]
         return T @ self.theta_covariance @ T.T
 
-    def stress_interval(self, points: StressPoints, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the nominal stress (n,) [MPa] and the half-width (n,) of its interval, from the covariance."""
+    def stress_interval(self, points: StressPoints) -> tuple[np.ndarray, np.ndarray]:
+        """Return the nominal stress (n,) [MPa] and the half-width (n,) of its 95 % interval, from the covariance."""
         stress, J = self.family.stress(points, self.theta)
         sigma = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", J, self.theta_covariance, J), 0))
-        return stress, student.ppf(0.5 + level / 2, self.freedom) * sigma
+        return stress, student.ppf(0.975, self.freedom) * sigma
 
 
 def fit_law(

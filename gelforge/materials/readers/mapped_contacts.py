@@ -41,7 +41,7 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
             f"{path}: {entry.height.column} travels {travel:.4g} mm with a ball of {entry.ball_radius_mm:g} mm radius;"
             f" {LARGEST_TRAVEL:g} radii at most are an indentation: check the units of both"
         )
-    _check_press(path, entry, position, force, segment)
+    _check_press(path, entry, position, force)
     if entry.corrections.odd_rows == "refuse":
         _check_single_rows(path, table.index, position, force, segment)
     stiffness = push / travel * 1e3
@@ -118,7 +118,7 @@ def check_modulus(path, test: IndentationTest, radius_mm: float, thickness_mm: f
         )
 
 
-def _check_press(path, entry, position, force, segment) -> None:
+def _check_press(path, entry, position, force) -> None:
     """Refuse an indentation whose force does not stand out at its deepest end: columns swapped, or a wrong sign."""
     deep = position >= np.quantile(position, 0.98)
     shallow = position <= np.quantile(position, 0.3)

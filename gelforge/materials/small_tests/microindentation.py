@@ -61,7 +61,6 @@ def fit_modulus(
     test: IndentationTest,
     thickness_mm: float | None = None,
     machine: IndentationTest | None = None,
-    seed: int = 0,
 ) -> Modulus:
     """Return Young's modulus of an incompressible layer from one loading.
 
@@ -89,14 +88,14 @@ def fit_modulus(
     model = rest + E * _shape(depth, R, thickness_mm)
     moduli = [
         _refitted(z, again, R, thickness_mm, contact)
-        for again in resampled(model, residual, BOOTSTRAPS, np.random.default_rng(seed))
+        for again in resampled(model, residual, BOOTSTRAPS, np.random.default_rng(0))
     ]
     deepest = float(depth.max())
     if (depth > 0).mean() > AT_TOUCH:
         said.append(
             "the rows begin at the touch: the force at rest is found with the modulus, which widens the interval"
         )
-    said += _limits(test, deepest, R, thickness_mm, (depth > 0).sum(), machine, E)
+    said += _limits(deepest, R, thickness_mm, (depth > 0).sum(), machine)
     return Modulus(
         float(E),
         percentile_interval(moduli),
@@ -234,7 +233,7 @@ def _refitted(z, F, radius, thickness, contact) -> float:
     return _linear(z, F, found.x, radius, thickness)[0][1]
 
 
-def _limits(test, deepest, radius, thickness, rows, machine, E) -> list[str]:
+def _limits(deepest, radius, thickness, rows, machine) -> list[str]:
     said = []
     if rows < LEAST_ROWS:
         said.append(f"only {rows} rows in contact")

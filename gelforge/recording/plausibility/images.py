@@ -52,7 +52,6 @@ def image_content(series: ImageSeries) -> list[Finding]:
     table = series.table[series.blank]
     found = [
         _one(
-            series,
             row,
             "image_content",
             f"{row.image} is {_look(row.grey)}: {100 * row.gain:.0f} % of the reference frame's brightness and"
@@ -82,7 +81,6 @@ def image_exposure(series: ImageSeries) -> list[Finding]:
     held = table["phase"] != "zero"
     found = [
         _one(
-            series,
             row,
             "image_exposure",
             f"{row.image} has {100 * row.gain / usual[row.Index]:.0f} % of the brightness before contact: exposure or gain"
@@ -104,7 +102,6 @@ def image_bands(series: ImageSeries) -> list[Finding]:
         return []
     found = [
         _one(
-            series,
             row,
             "image_bands",
             f"{row.image} has bands of +-{100 * row.bands:.0f} % brightness against the reference frame: light that flickers"
@@ -135,7 +132,6 @@ def image_repeats(series: ImageSeries) -> list[Finding]:
         if moved_px > REPEAT_PX:
             found.append(
                 _one(
-                    series,
                     row,
                     "image_repeats",
                     f"{row.image} equals an earlier one in every pixel, though depth went from {earlier:g} to {depth:g} mm",
@@ -196,7 +192,6 @@ def image_before_touch(series: ImageSeries) -> list[Finding]:
     table = series.before[series.before["flow_px"] > limit]
     found = [
         _one(
-            series,
             row,
             "image_before_touch",
             f"{row.image} before contact moves by {row.flow_px:.2g} px",
@@ -219,7 +214,6 @@ def image_alike(series: ImageSeries) -> list[Finding]:
     few, many = usual / ALIKE - SPREADS * spread, usual * ALIKE + SPREADS * spread
     found = [
         _one(
-            series,
             row,
             "image_alike",
             f"{row.image} moves by {row.flow_px:.2g} px, the median of this indentation's by {usual[row.Index]:.2g} px",
@@ -289,7 +283,7 @@ def flow_lost_of(table: pd.DataFrame) -> list[Finding]:
     ]
 
 
-def _one(series, row, test, found, remedy, value, limit, unit="") -> Finding:
+def _one(row, test, found, remedy, value, limit, unit="") -> Finding:
     """Return the exclusion of one image."""
     return Finding(
         test, "excluded", "image", found, remedy, str(row.press), float(row.time_s), float(value), float(limit), unit,

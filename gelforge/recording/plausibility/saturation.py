@@ -51,7 +51,7 @@ def force_saturates(data: SessionData) -> list[Finding]:
                 or _without_sites(held, zero, name, top, step)
                 or (name == pressed and _short_of_proportion(data, held, zero, name, top, step))
             ):
-                for finding in _findings(data, held, name[:2], extreme, top):
+                for finding in _findings(held, name[:2], extreme, top):
                     found.setdefault(finding.press, finding)
     return mostly(list(found.values()), data.readings["press"].nunique())
 
@@ -133,7 +133,7 @@ def _at_most(count: int, of: int) -> float:
     return 1.0 if count == of else float(beta.ppf(0.975, count + 1, of - count))
 
 
-def _findings(data: SessionData, held, axis: str, extreme: float, top: np.ndarray) -> list[Finding]:
+def _findings(held, axis: str, extreme: float, top: np.ndarray) -> list[Finding]:
     reached = held[top]
     at = set(zip(reached["press"], reached["depth_mm"]))
     own = held[[pair in at for pair in zip(held["press"], held["depth_mm"])]]

@@ -91,10 +91,10 @@ def signed_limit(*arrays: np.ndarray, floor: float = 1e-9) -> float:
 
 
 @styled
-def svg(figure: Figure, dpi: int = 150) -> str:
-    """Return a figure as SVG text, the same bytes for the same content; dpi holds for its raster parts."""
+def svg(figure: Figure) -> str:
+    """Return a figure as SVG text, the same bytes for the same content; its raster parts have 150 dpi."""
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", dpi=dpi, metadata={"Date": None, "Creator": "gelforge"})
+    figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None, "Creator": "gelforge"})
     return buffer.getvalue()
 
 

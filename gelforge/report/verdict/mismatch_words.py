@@ -82,9 +82,9 @@ def two_digits(value: float, sign: str = "") -> str:
     return f"{float(f'{value:.2g}'):{sign}g}"
 
 
-def unbroken(text: str, between: str = "; ") -> str:
-    """Return a text whose parts stand on lines of their own in a table, and are broken before a bracket only."""
-    return "\n".join(part.replace(" ", "\u00a0").replace("\u00a0(", " (") for part in text.split(between))
+def unbroken(text: str) -> str:
+    """Return a text with a line for each part ("; " separates them); lines break before a bracket only."""
+    return "\n".join(part.replace(" ", "\u00a0").replace("\u00a0(", " (") for part in text.split("; "))
 
 
 def p_text(p: float) -> str:
