@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import percentile_filter
@@ -25,6 +26,13 @@ STRONG = 0.3  # of the median peak: an indentation that both signals must show
 MARGIN_S = 0.3  # of the overlap, where a smoothed signal knows one side only
 
 
+class Signal(NamedTuple):
+    """What a log shows over its own clock."""
+
+    time_s: np.ndarray  # (n,) since its first row
+    values: np.ndarray  # (n,) any unit
+
+
 @dataclass(frozen=True)
 class Match:
     """A coarse lag [s] of a signal's times against the stage's, each since its first row."""
@@ -39,26 +47,40 @@ class Match:
 
 
 def coarse_match(
-    stage_s,
-    travel,
-    signal_s,
-    signal,
+    stage: Signal,
+    log: Signal,
     what: str,
     key: str,
     start_s: float = 0.0,
     known_s=None,
     refine: Callable[[Match], float] = lambda match: match.lag_s,
 ) -> Match:
-    """Return the lag at which a signal follows the stage. Raises ImportingError where none does, or several do.
+    """Return the lag at which a log follows the stage.
 
-    stage_s (n,) [s], travel (n,) [mm]; signal_s (m,) [s], signal (m,), any unit, growing with depth. start_s: by how much
-    the signal's clock shows more at its first row than the stage's at its own, for messages. known_s: a
-    lag that is kept. refine: gives the lag about a match to a sample, for those that a message offers.
+    Parameters
+    ----------
+    stage : Signal
+        Travel [mm].
+    log : Signal
+        What grows with depth, in any unit.
+    what, key : str
+        The log's file, and its key in the mapping, for messages.
+    start_s : float
+        By how much the log's clock shows more at its first row than the stage's at its own, for messages.
+    known_s : float, optional
+        A given lag, which is kept.
+    refine : callable
+        Gives the lag about a match to a sample, for those that a message offers.
+
+    Raises
+    ------
+    ImportingError
+        Where no lag fits, or several do.
     """
-    grid = np.arange(0, stage_s[-1], GRID_S)
-    depth = np.interp(grid, stage_s, travel)
-    times = np.arange(0, signal_s[-1], GRID_S)
-    even = np.interp(times, signal_s, signal)
+    grid = np.arange(0, stage.time_s[-1], GRID_S)
+    depth = np.interp(grid, *stage)
+    times = np.arange(0, log.time_s[-1], GRID_S)
+    even = np.interp(times, *log)
     height = rise(times, even)
     best = _best_level(depth, height)
     _refuse_unlike(depth, times, even, best[0], what, key)

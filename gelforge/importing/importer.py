@@ -12,7 +12,7 @@ import pandas as pd
 from gelforge.config import Session, section_from
 from gelforge.config.foreign.importing import Clock, ImportMapping, StageSource, Surface, load_import
 from gelforge.importing.camera import Film, read_film
-from gelforge.importing.clocks import Match, coarse_match
+from gelforge.importing.clocks import Match, Signal, coarse_match
 from gelforge.importing.presses import Presses, depth_zero_mm, find_presses
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.revisits import repeatability_mm
@@ -170,18 +170,16 @@ def _aligned(
 ) -> Aligned:
     """Return the clock of a log whose signal (n,) grows with depth."""
     what, start = str(log.path), log.start_s - stage.start_s
-    travel = stage.values[:, 2]
+    moved, shown = Signal(stage.time_s, stage.values[:, 2]), Signal(log.time_s, signal)
     known = None if clock.lag_s is None else clock.lag_s - start
 
     def refine(match: Match) -> float:
         contact = match.contact_mm if level is None else level
-        return refined_lag(
-            find_bends(stage.time_s, travel, found, log.time_s, signal, match, contact), match.lag_s
-        )
+        return refined_lag(find_bends(moved, found, shown, match, contact), match.lag_s)
 
-    match = coarse_match(stage.time_s, travel, log.time_s, signal, what, key, start, known, refine)
+    match = coarse_match(moved, shown, what, key, start, known, refine)
     contact = match.contact_mm if level is None else level
-    bends = find_bends(stage.time_s, travel, found, log.time_s, signal, match, contact)
+    bends = find_bends(moved, found, shown, match, contact)
     # of a log without stamps of its own None: rows of it may be lost without a trace
     stamps = (log.time_s if stamped(clock) else None, stage.time_s if stamped(stage_clock) else None)
     return Aligned(match, clock_law(bends, known, clock.drift, what, key, stamps), bends, start)

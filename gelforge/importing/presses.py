@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from gelforge.importing.clocks import rise, runs_above
+from gelforge.importing.clocks import Signal, rise, runs_above
 from gelforge.importing.contact import Contact, contact_point
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion, Wait
@@ -108,8 +108,7 @@ def find_presses(
                     number,
                     stage,
                     excursion,
-                    force_s,
-                    push,
+                    Signal(force_s, push),
                     travel_at,
                     rows,
                     max([before_s + AFTER_S, start, *force_s[gaps[gaps < rows.start] + 1]]),
@@ -189,9 +188,10 @@ def _refuse_slip(at, number, force_s, smooth, travel) -> None:
         )
 
 
-def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s) -> Press:
+def _press(at, number, stage, excursion, force: Signal, travel_at, rows, from_s) -> Press:
     """Return an indentation whose force exceeds its noise in these rows of the force log; from_s: rest may begin here."""
     time, travel = stage.time_s, stage.values[:, 2]
+    force_s, push = force
     guess_s, end_s = float(force_s[rows.start]), float(force_s[rows.stop - 1])
     guess = float(travel_at[rows.start])
     inside = [

@@ -134,7 +134,7 @@ def _read(
         declared |= units_of(source.time)
         for column, unit in units_of(source.time).items():
             refuse_other_unit(path, column, unit, f"{key}.time")
-    table = _table(folder, path, source, other, key, units, declared, numbers, texts)
+    table = _table(folder, source, other, key, units, declared, numbers, texts)
     if len(table) < LEAST_ROWS:
         raise ImportingError(
             f"{path}: {len(table)} rows, at least {LEAST_ROWS} are needed; name the whole log"
@@ -155,8 +155,9 @@ def without_lag(one: ForceSource | StageSource, other: ForceSource | StageSource
     return given and not one.topic and all(getattr(one, key) == getattr(other, key) for key in same)
 
 
-def _table(folder, path, source, other, key, units, declared, numbers, texts) -> pd.DataFrame:
+def _table(folder, source, other, key, units, declared, numbers, texts) -> pd.DataFrame:
     """Return the columns of a log, from the kind of file that it is."""
+    path = folder / source.file
     if is_bag(path):
         if texts:
             raise ImportingError(f"{path}: stamps of messages are numbers; set {key}.time.unit: s")
