@@ -35,7 +35,7 @@ UNSEALED = b"sha256:" + DIGITS
 USER_BLOCK = 512  # bytes before the content of an HDF5 file, the least that the format allows
 HEAD = 4096  # bytes at the beginning of a file among which its checksum is looked for
 TAIL = len(UNSEALED)  # bytes at the end of a zip archive
-CHUNK = 1 << 16  # bytes that are read at once: no file is held in memory
+CHUNK = 1 << 16  # bytes that are read at once (no result depends on it)
 STALE_S = (
     86400.0  # a temporary file of another machine that nobody has written to for a day has lost its owner
 )

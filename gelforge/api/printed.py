@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import floor, isfinite, log10
 
-MOST_ROWS = 8  # of a table; the middle of a longer one is left out
+MOST_ROWS = 8  # of a table; the middle of a longer one is left out (no result depends on it)
 
 
 def with_error(value: float, sigma: float | None) -> str:

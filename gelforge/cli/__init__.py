@@ -71,7 +71,7 @@ def main(argv: list[str] | None = None) -> int:
 NOT_MAPPED = ("failed to map segment", "annot allocate memory")
 
 
-LATER_S = 0.02  # until a signal that came at a bad moment comes again
+LATER_S = 0.02  # until a signal that came at a bad moment comes again (no result depends on it)
 
 
 class Terminated(BaseException):

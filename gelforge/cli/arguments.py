@@ -25,7 +25,7 @@ synthetic data     solve-synthesis, synthesise, virtual-materials, virtual-cell,
 """
 
 
-LONGEST = 300  # characters of a message
+LONGEST = 300  # characters of a message (no result depends on it)
 
 
 class Parser(argparse.ArgumentParser):

@@ -38,7 +38,7 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.progress import tracked
 
 ROWS = ("force", "sigma_mesh", "sigma_material")  # of a label, each the total and then the bins (1 + B, 3)
-COPIED = 256  # indentations that are in memory at a time when the file is written
+COPIED = 256  # indentations that are in memory at a time when the file is written (no result depends on it)
 
 
 @dataclass

@@ -24,7 +24,8 @@ from gelforge.recording.imaging.images import refuse_turned
 from gelforge.units import UNITS, known_unit
 
 SMALL_PX = 80  # width to which frames are reduced before they are compared
-KEPT_BYTES = 1_000_000_000  # of decoded frames: a longer film is decoded a second time for the chosen ones
+# Of decoded frames: a longer film is decoded a second time for the chosen ones (no result depends on it).
+KEPT_BYTES = 1_000_000_000
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from gelforge.live.record import LIMITS, Limits, Recorder, RecordingLimit
 from gelforge.live.server import Server
 from gelforge.recording.imaging.frames import Frame
 
-SILENT_S = 2.0  # without a frame, after which clients are warned
+SILENT_S = 2.0  # without a frame, after which clients are warned (no result depends on it)
 RECORDINGS = "live-recordings"  # folder for the page's record button, where --record names none
 
 

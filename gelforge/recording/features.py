@@ -34,7 +34,7 @@ from gelforge.recording.readings import Recording, raw_digest, sample_rows
 from gelforge.recording.tables.checks import before_shear
 
 FORMAT = "gelforge-features-1"
-BATCH = 64  # images in memory at a time
+BATCH = 64  # images in memory at a time (no result depends on it)
 OF_ANY_IMAGE = {"image_readable", "image_content", "image_exposure"}  # tests that compare no motions
 
 # name: (unit, description), N images

@@ -44,6 +44,8 @@ IMPORTS = {
 }
 NOBODY = "-"  # no address
 USAGE = struct.Struct("dd")  # CPU seconds and memory [MB], as a fork tells its job
+
+# Budgets of the server, on which no result depends:
 GRACE_S = 4.0  # that a job has to end after Ctrl-C; compiled code may not look up for longer
 COLLECT_S = 1.0  # how often forks that have ended are collected
 OPEN = 128  # jobs that may wait while the server loads

@@ -19,7 +19,7 @@ from typing import Any
 from snakemake_interface_executor_plugins.utils import format_cli_value
 
 PING = ["scontrol", "ping"]
-PATIENCE_S = 10  # between two questions whether the controller is back
+PATIENCE_S = 10  # between two questions whether the controller is back (no result depends on it)
 
 
 def make_patient(executor: Any, minutes: Callable[[float, int], int]) -> None:

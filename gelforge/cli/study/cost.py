@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 MEASURED = Path(__file__).with_name("cell_cost.csv")
 DEPTHS = 8  # of every measured cell
+
+# Estimates of `gelforge check`, on which no result depends; the tables in results/<study>/benchmarks hold what a run
+# took:
 # A press on a sensor that softens, coarse-mesh solution included, measured on the article's sensor with 5556 degrees of
 # freedom: a step takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
 SOFTENING_STEP, GRID_POINT_S = 1.6, 7e-6

@@ -20,8 +20,8 @@ from gelforge.config.sessions.virtual_lab import VirtualLab
 from gelforge.config.studies.study import Study
 from gelforge.input_files import NotAFile, another_kind, read_bytes
 
-LONGEST_REMEDY = 600  # characters: some seven lines of a terminal
-MOST_ERRORS = 5  # that a file is said to have
+LONGEST_REMEDY = 600  # characters: some seven lines of a terminal (no result depends on it)
+MOST_ERRORS = 5  # that a file is said to have (no result depends on it)
 FORMER_KEYS = {  # of earlier files, and what to write in their place
     "touchdown_mm": "contact_point_scatter_mm",
     "scatter_mm": "session_scatter_mm or, where every indentation finds its contact point, press_scatter_mm",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gelforge.indentation.paths.planned_cell import PlannedCell
 
-AT_ONCE = 256  # interpolated sites: their job reads every solved site
+AT_ONCE = 256  # interpolated sites of one job, which reads every solved site (no result depends on it)
 
 
 def derived_chunks(cells: Mapping[str, PlannedCell], per_shard: int) -> dict[int, list[str]]:

@@ -33,7 +33,7 @@ from gelforge.learning.models.views import check_same_images, views_of
 from gelforge.progress import tracked
 
 FORMAT = "gelforge-predictions-5"
-BLOCK = 256  # rows in memory at a time
+BLOCK = 256  # rows in memory at a time (no result depends on it)
 TRAINING_ROWS = 2000  # at most, whose error stands beside that of test rows
 KEPT = (
     *("cell", "session", "press", "image_index", "position_mm", "depth_mm", "total_force_ft_N"),

@@ -16,7 +16,7 @@ from gelforge.learning.models.reliability import COVER, Intervals
 from gelforge.progress import tracked
 
 LEAST_PRESSES = 5
-BLOCK = 256  # rows in memory at a time
+BLOCK = 256  # rows in memory at a time (no result depends on it)
 GAIN_LIMITS = (0.2, 5.0)  # beyond them the sensor is not of the model's kind
 LEAST_GAIN = 0.95  # of the error left out that a further gain must come below
 SURE = 0.1  # standard deviation of a gain that is taken; small horizontal forces determine none

@@ -26,7 +26,7 @@ PICTURE_SETTINGS = (
     "camera_distance_mm",
 )  # of samples.csv, all optional
 LEAST_ROWS = 5  # tracked rows below which there is no curve
-REASONS_QUOTED = 5  # of the rows left out; their number is always stated
+REASONS_QUOTED = 5  # of the rows left out; their number is always stated (no result depends on it)
 
 
 def has_pictures(path: str | Path) -> bool:

@@ -22,7 +22,7 @@ from gelforge.recording.imaging.images import reference_path
 KEPT = Path(".snakemake/images")
 # A file that is this new may change again within one tick of its time stamp: what it holds is not kept.
 SETTLED_NS = 2_000_000_000
-THREADS = 4  # reading and hashing run in parallel
+THREADS = 4  # reading and hashing run in parallel (no result depends on it)
 State = list[int]  # of a file: size, times of the last change of content and of anything
 
 

@@ -27,7 +27,7 @@ COLUMNS = [
     "remedy",
 ]
 MOST = 0.5  # of a session's indentations without one channel: what is left says little about the session
-NAMED = 3  # indentations that one line names; the table holds all
+NAMED = 3  # indentations that one line names; the table holds all (no result depends on it)
 
 
 @dataclass(frozen=True)

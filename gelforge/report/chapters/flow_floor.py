@@ -20,7 +20,7 @@ from gelforge.report.figures.style import (
 )
 from gelforge.robust import SIGMA_OF_MEDIAN
 
-LEAST_PX = 1e-3  # drawn at least: images without noise have no false flow
+LEAST_PX = 1e-3  # drawn at least: images without noise have no false flow (no result depends on it)
 
 
 def flow_table(columns: dict[str, np.ndarray]) -> pd.DataFrame:

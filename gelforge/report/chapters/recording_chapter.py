@@ -7,7 +7,7 @@ import pandas as pd
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
 
-NAMES = 20  # of indentations in a sentence; the sessions' tables have all
+NAMES = 20  # of indentations in a sentence; the sessions' tables have all (no result depends on it)
 KIND = ["session", "level", "test", "channel", "remedy"]  # what findings of one kind share
 
 

@@ -35,6 +35,7 @@ INK = "#222222"
 FAINT = "#B5B5B5"
 ALLOWED = "#E6E6E6"  # band of the errors that are allowed for
 
+# How much a figure shows: what stays legible on a page of some 10 inches (judgement; no result depends on it):
 # How much a figure shows: what stays legible on a page of some 10 inches (judgement; no result depends on it).
 BAND_SIGMAS = 2  # of every band, to each side: 95 % of a normal distribution
 MOST_POINTS = 6000  # of a curve or a cloud: more make the file large and show nothing more

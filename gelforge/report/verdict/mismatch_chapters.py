@@ -20,7 +20,7 @@ from gelforge.report.verdict.mismatch_words import filled, in_unit, p_text, pret
 
 FOLDER = "mismatch"  # of a study's verdict, in its results folder
 WHERE = {"words": "pattern", "snr": "signal over noise", "p": "chance"}
-MOST_LIMITS = 10  # effects in the table of the page
+MOST_LIMITS = 10  # effects in the table of the page (no result depends on it)
 # What a laboratory asks for first: materials, contact point, force sensor, geometry.
 FIRST = (
     *("gel_stiffness", "skin_stiffness", "friction", "contact_zero", "layer_thickness", "force_gain"),

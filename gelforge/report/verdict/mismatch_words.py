@@ -32,7 +32,7 @@ def chance_text(chance: float) -> str:
     return "> 99 %" if chance > 0.995 else f"{100 * chance:.0f} %"
 
 
-MOST_NAMES = 8  # of a credible set in a table or a cell
+MOST_NAMES = 8  # of a credible set in a table or a cell (no result depends on it)
 
 
 def answer_text(verdict: Verdict) -> str:

@@ -39,7 +39,7 @@ TITLES = {
     "simple_shear": "Simple shear",
 }
 BESIDE = {"compression", "simple_shear"}  # without a standard test beside them, its empty panels say nothing
-SHOWN_STRETCH = (1.0, 2.0)  # where no test was made at all and the law stands alone
+SHOWN_STRETCH = (1.0, 2.0)  # where no test was made at all and the law stands alone (no result depends on it)
 OTHER_LAWS = [
     (PREDICTED, "--"),
     (PUBLISHED_LINEAR, "-."),

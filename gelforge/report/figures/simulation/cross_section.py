@@ -19,7 +19,8 @@ from gelforge.meshing.solids import Solids
 from gelforge.report.figures.simulation.silhouette import draw_indenter
 from gelforge.report.figures.style import INK, SURROUND, Style, new_figure, region_colours, styled
 
-BASE, ROOM = 0.06, 0.16  # height of the drawn base and room of a dimension line, over the larger width
+# Height of the drawn base and room of a dimension line, over the larger width (no result depends on it).
+BASE, ROOM = 0.06, 0.16
 
 
 @styled
