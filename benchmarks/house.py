@@ -191,6 +191,10 @@ class Constant(NamedTuple):
         return bool(CITED.search(self.comment + self.run))
 
     @property
+    def reasoned_by_run(self) -> bool:
+        return self.reasoned and not CITED.search(self.comment) and not FIGURE.search(self.comment)
+
+    @property
     def budget(self) -> bool:
         return BUDGET in self.comment + self.run
 
@@ -317,6 +321,7 @@ def code_rows() -> tuple[list[tuple[str, object]], list[str], list[str]]:
         ("  of these, budgets on which no result depends", len(chosen) - len(decisions)),
         ("  of the others, without source, command or measurement", sum(not c.cited for _, c in decisions)),
         ("  of these, without a figure either: no reason", len(bare)),
+        ("  reasons that only the comment of a run states", sum(c.reasoned_by_run for _, c in decisions)),
         ("  the same, in gelforge/mismatch", sum("gelforge/mismatch/" in path for path, _ in bare)),
         ("  numeric module constants without a comment", sum(not (c.comment or c.run) for _, c in values)),
         (

@@ -36,6 +36,7 @@ USER_BLOCK = 512  # bytes before the content of an HDF5 file, the least that the
 HEAD = 4096  # bytes at the beginning of a file among which its checksum is looked for
 TAIL = len(UNSEALED)  # bytes at the end of a zip archive
 CHUNK = 1 << 16  # bytes that are read at once (no result depends on it)
+# A temporary file of another machine that nobody has written to for a day, 86400 s, has lost its owner.
 STALE_S = (
     86400.0  # a temporary file of another machine that nobody has written to for a day has lost its owner
 )

@@ -24,11 +24,12 @@ from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.thresholds import FORM_ERRORS
 from gelforge.progress import stage
 
-ENOUGH = 0.1  # of a posterior standard deviation: a step that no interval would show
+ENOUGH = 0.1  # of a posterior standard deviation: a 90 % interval of 3.3 of them moves by 3 %
 MOST = 12  # fits; half of them with derivatives of the coarser mesh
 FORM_ERROR = FORM_ERRORS[0]  # of a change of the forces, a share of it
-NEAR = 1.0  # of a prior's standard deviation: within it the columns follow the solved forces
-SHORTER = 4  # times that a step is halved where the finite elements do not reach its end
+# Of a prior's standard deviation: two thirds of its probability, in which the columns follow the solved forces.
+NEAR = 1.0
+SHORTER = 4  # times that a step is halved, to a sixteenth, where the finite elements do not reach its end
 # Of the force, by a plausible step: a larger change is taken as linear in place of in proportion.
 PROPORTIONAL = 3.0
 

@@ -18,7 +18,8 @@ from gelforge.mismatch.model.places import FirstOrder
 
 Laws = Mapping[str, PrincipalLaw]  # by material
 Layers = Sequence[str]  # of one material
-ROUNDING = 1e-9  # of a prior's standard deviation
+# Of a prior's standard deviation: a million roundings of 1e-16, and no difference that an interval shows.
+ROUNDING = 1e-9
 MATERIAL_KINDS = ("modulus", "exponent")  # of a constitutive model: they go to its file and not to the study
 
 

@@ -25,7 +25,7 @@ from gelforge.mismatch.result.verdict_tables import READINGS, write_tables
 
 FORMAT = "gelforge-calibration-1"
 CALIBRATION = "calibration.json"
-STEP = 1e-4  # of a logarithm: across it the parameters of a constitutive model are differentiated
+STEP = 1e-4  # of a logarithm: central differences then err by its square, 1e-8, and rounding by 1e-12
 Materials = Mapping[str, MaterialLaw]
 
 

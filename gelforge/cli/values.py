@@ -9,7 +9,7 @@ from pathlib import Path
 
 CONFIG = Path("config")
 STUDY_KEY = re.compile(r"""^study:\s*["']?([A-Za-z0-9_-]+)["']?\s*(?:#.*)?$""", re.MULTILINE)
-ROUND_OFF = 1e-9  # of (last - first) / step, far above its rounding and far below a step
+ROUND_OFF = 1e-9  # of (last - first) / step: far above its rounding of 1e-16 and far below a step, 1
 
 
 def study_names(*_, **__) -> dict[str, Path]:

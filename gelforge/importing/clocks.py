@@ -12,6 +12,7 @@ from scipy.signal import correlate, correlation_lags, find_peaks
 
 from gelforge.importing.refusals import ImportingError
 
+# Lags of SYNTHETIC logs are found within 5 ms, and logs of two sessions are refused (tests/importing/test_clocks.py):
 GRID_S = 0.02  # of a coarse lag: bends give it to a tenth of this afterwards
 BASELINE_S = 60.0  # the signal at rest is its 15th percentile over so long
 REST_PERCENTILE = 15  # low, as presses may fill most of a minute, and no minimum, which is noise

@@ -16,6 +16,8 @@ import numpy as np
 from scipy.stats import f as f_law
 
 EXPONENTS = np.arange(0.8, 2.61, 0.1)
+
+# Intervals hold the contact points of SYNTHETIC logs, noisy and relaxing ones too (tests/importing/test_presses.py):
 PLACES = 81  # that are tried, then twice as many within the neighbourhood of the least
 MOST_SAMPLES = 200  # of a ramp; means of neighbours beyond
 SHARES = (1.0, 0.5, 0.25)  # of the depth that are fitted, in turn

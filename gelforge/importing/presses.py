@@ -14,6 +14,7 @@ from gelforge.importing.stage_motion import Excursion, Wait
 from gelforge.importing.streams import Stream, gap_limit_s
 from gelforge.robust import SIGMA_OF_MEDIAN
 
+# Every indentation of SYNTHETIC logs is found; knocks and motions without force are none (tests/importing/test_presses.py):
 SMOOTH_S = 0.02  # a period of 50 Hz mains, and the grid of the lags
 NOISE = 6.0  # standard deviations of the smoothed force that are no accident
 STEPS = 2.0  # and steps of its resolution

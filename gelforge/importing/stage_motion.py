@@ -11,6 +11,7 @@ from scipy.signal import find_peaks
 from gelforge.indentation.paths.places import POSITION_MATCH_MM
 from gelforge.robust import SIGMA_OF_MEDIAN
 
+# Waits and stops of SYNTHETIC stages, one in steps of its encoder too, are found (tests/importing/test_presses.py):
 NOISE_BANDS = 4.0  # of the encoder's noise: a stage within is at rest
 LEAST_BAND_MM = 0.003  # a stage that follows its command holds it to some micrometres (judgement)
 FULL_SPEED = 0.8  # of a ramp's largest speed: samples that brake or accelerate are slower

@@ -19,6 +19,7 @@ from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.time_stamps import stamps, units_of
 from gelforge.units import UNITS, known_unit, unit_in_header, unit_named
 
+# Faulty logs are refused and their right neighbours read in `python -m benchmarks.faults inputs`:
 LEAST_ROWS = 20  # fewer show no indentation with its waits
 JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0  # from row to row, and so fast: no stage or robot that presses gels
 # of a log without samples: no clock can be aligned across it

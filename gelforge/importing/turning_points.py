@@ -18,6 +18,7 @@ from gelforge.importing.stage_motion import Excursion
 from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
 from gelforge.robust import SIGMA_OF_MEDIAN
 
+# Lags of SYNTHETIC logs are found within 5 ms, with drift and jitter too (tests/importing/test_clocks.py):
 LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each indentation on its own
 RATE_STEPS = 6  # between which rates are taken
 WINDOW_S = 0.35  # of the signal on each side of a bend

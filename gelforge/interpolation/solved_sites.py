@@ -23,6 +23,7 @@ from gelforge.interpolation.nodal_forces import NodalForces, ball_of, contact_wi
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 from gelforge.mechanics.indenters.shapes import Sphere
 
+# Found on some positions and judged on others by `python benchmarks/interpolation.py`:
 # Of the difference of a site that is left out alone (benchmarks/interpolation.py).
 SITE_PART = 1.0
 LINE_PART: Mapping[str, float | np.ndarray] = {

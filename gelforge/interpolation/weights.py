@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.distance import cdist
 
+# Coverage of the labels: `python benchmarks/interpolation.py`:
 NEAREST = 24  # sites that a label is interpolated from: all within some two spacings
 DEPTHS = 4  # neighbouring depths: a cubic
 

@@ -24,6 +24,7 @@ from gelforge.mechanics.meshes.mesh import Mesh, Sizes, Surface
 from gelforge.meshing.solids import Solids, area, enclosed_volume
 from gelforge.meshing.tetwild import tetrahedralize
 
+# Volumes, surfaces and shapes of meshed bodies (tests/meshing/test_tetrahedra.py):
 EDGE_PER_NODE_DISTANCE = 2.0  # a quadratic tetrahedron has a node at the middle of each edge
 STEEP = (
     0.1  # a face whose outward normal has a smaller vertical component is a side: it has no place in the bins

@@ -15,6 +15,7 @@ from gelforge.recording.optics.camera import CameraError, image_axes, project
 from gelforge.recording.optics.expansion import centre_of_expansion
 from gelforge.recording.readings import Recording, at_commanded_depth
 
+# Poses of drawn presses and their errors: `python benchmarks/cameras.py`:
 LEAST_POSITIONS = 4  # three determine the four unknowns twice over only with a fourth's residual
 LEAST_WIDTH = 0.1  # spread of the positions across their line, over that along it
 MOST_PRESSES = 40

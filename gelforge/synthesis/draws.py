@@ -12,6 +12,8 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import check_inside
 
 PATH = "path"  # beginning of the names of drawn paths
+
+# What networks trained on such draws err by: `python benchmarks/transfer.py`:
 TRIES = 200  # until one fits the sensor
 SHEAR_STEP_MM, TILT_STEP_DEG, TWIST_STEP_DEG = 0.2, 1.0, 2.0  # friction is followed step by step
 PAIR_RADIUS_MM = (2.0, 3.0)

@@ -34,6 +34,7 @@ from gelforge.verification.presses import (
     half_space,
 )
 
+# The problems whose errors docs/verification.md sets beside their limits:
 FRICTION = 0.3  # any would do: the references hold for each
 DEPTH = 0.01  # mm: a contact radius of 1 mm
 FAR = 2.0  # mm: friction is set beside the normal force that is found

@@ -22,7 +22,7 @@ from gelforge.mechanics.meshes.elements import ELEMENTS, Element, quadratic_tetr
 from gelforge.mechanics.meshes.mesh import Block, Mesh, Sizes, layered_block
 
 AMPLITUDE = 0.08  # mm on a cube of 1 mm: strains of 0.25
-PRESSURE = 0.3  # over mu
+PRESSURE = 0.3  # over mu: any would do, and 0.3 is of the size of the stresses of AMPLITUDE
 LAW = Ogden((0.02, 0.001), (1.3, 4.0))
 KUHN = [
     (0, a, b, 6) for a, b in [(1, 2), (2, 3), (3, 7), (7, 4), (4, 5), (5, 1)]

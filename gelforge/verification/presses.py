@@ -30,6 +30,8 @@ NU = poissons_ratio(BULK_TO_SHEAR)
 RADIUS = (
     100.0  # mm: at a contact radius of 1 mm the strains are some 0.01, and a ball is a paraboloid to 1e-4
 )
+
+# The problems whose errors docs/verification.md sets beside their limits:
 PER_RADIUS = 8  # elements over the contact radius
 
 

@@ -12,15 +12,13 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.virtual_lab.particles import VirtualLabError
 
-KPA = 1e-3  # MPa
-
 
 def true_laws(study: Study, lab: VirtualLab) -> dict[str, PrincipalLaw]:
     """Return the laws of the virtual sensor by layer [MPa]: those of its coupons times the concealed factor."""
     laws: dict[str, PrincipalLaw] = {}
     for layer in study.sensor.layers:
         coupon = lab.materials[layer.material]
-        factor = KPA * lab.stiffness_scale.get(layer.name, 1.0)
+        factor = 1e-3 * lab.stiffness_scale.get(layer.name, 1.0)
         laws[layer.name] = Ogden(tuple(factor * mu for mu in coupon.ogden_mu_kPa), tuple(coupon.alpha))
     return laws
 

@@ -19,7 +19,7 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 
-LAST = 4  # level of the finest lattice
+LAST = 4  # level of the finest lattice: 2^4 to the first spacing
 FINEST = 2**LAST
 DEPTHS = 10  # of a site, where the plan's depths differ from site to site
 NAME = re.compile(r"between_(\d{4})_(\d{4})")

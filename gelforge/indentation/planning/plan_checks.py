@@ -13,8 +13,8 @@ from gelforge.indentation.sensor.sizes import UNITS
 
 # Of a grid: that of Sferrazza et al. 2019 has 1681; a spacing in metres has a million times as many.
 MOST_CELLS = 200_000
-MOST_ELEMENTS = 5e6  # a hundred times those of the article's mesh; their factors alone would need a terabyte
-MOST_STEPS = 1e4  # of one indentation; a hundred resolve any history
+MOST_ELEMENTS = 5e6  # 100 times those of the article's mesh; their factors alone would need a terabyte
+MOST_STEPS = 1e4  # of one indentation; 100 resolve any history
 
 
 def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:

@@ -11,6 +11,8 @@ from gelforge.mechanics.indenters.shapes import rotation_about_axes
 
 # Length in mm of the units in which drawings are saved.
 UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
+
+# Drawings in other units and origins beside the body are asked about (tests/indentation/test_sizes.py):
 SAME_RATIO = 0.05  # ratios of stated to found sizes this near a unit's are that unit's
 # Wider side of a sensor [mm]: from a small fingertip to a forearm's skin. 32 mm taken for inches are 1.3 or 810 mm.
 SENSOR_MM = (3.0, 400.0)

@@ -6,8 +6,7 @@ import numpy as np
 
 from gelforge.config import StageToSensor
 
-CORNER_MM = 0.1  # nobody presses nearer to the very corner, but positions in metres all land there
-MICROMETRES = 1e3  # in a millimetre
+CORNER_MM = 0.1  # nobody presses nearer to the very corner; 32 mm in metres are 0.032 mm from it
 
 
 def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
@@ -39,7 +38,7 @@ def first_outside(xy: np.ndarray, width_mm: tuple[float, float]) -> tuple[int, s
     if not outside.any():
         return row, f"{found} correct x_mm, y_mm or stage_to_sensor, is it in metres?"
     span, sides = np.sort(np.ptp(xy, axis=0)), np.sort(width)
-    if outside.all() and (span <= sides).all() and not _would_fit(xy / MICROMETRES, width):
+    if outside.all() and (span <= sides).all() and not _would_fit(xy / 1e3, width):
         return row, (
             f"{found} all positions lie outside, but would fit: are they in the robot's frame? Read the robot's position"
             " over the sensor's corner and set stage_to_sensor: origin_mm, rotation_deg and handedness (of session.yaml, or"

@@ -23,6 +23,7 @@ from scipy.ndimage import gaussian_filter
 
 from gelforge.mechanics.laws.law import PrincipalLaw
 
+# Parts found and checked by `python benchmarks/error_bars.py`:
 COARSER = 2.0  # the coarse-mesh solution's sizes over the site's
 SMOOTHING = 0.6  # standard deviation of the weights of the mean square, of bins along x and y
 PART_BINS = np.array([0.30, 0.30, 0.34])  # x, y, z: of the root mean square difference of bins

@@ -33,6 +33,7 @@ from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes, 
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 from gelforge.progress import tracked
 
+# Derivatives against differences of full solutions (tests/indentation/test_stored_sensitivities.py):
 LITTLE_WAY = (
     1e-3  # of what carries nodes per unit, by which they are moved to see how their bins share the forces
 )

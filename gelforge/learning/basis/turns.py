@@ -13,6 +13,7 @@ from gelforge.recording.optics.camera import project
 if TYPE_CHECKING:
     import torch
 
+# How an image lies on the sensor is found, or said not to be known (tests/learning/test_turns.py):
 LEAST_FOLLOWED = (
     0.5  # share of the places' variance that the flow's centre explains; less says nothing of directions
 )

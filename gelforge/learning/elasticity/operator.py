@@ -24,11 +24,14 @@ from gelforge.mechanics.meshes.mesh import Mesh as HexMesh
 from gelforge.recording.optics.camera import project, unproject
 from gelforge.virtual_lab.particles import dots_box, gel_boxes, interpolation
 
+# The flow of an even shear and of a shallow indentation is that of closed form and solver
+# (tests/learning/test_elasticity.py):
 PARTS = 2  # of a region's side: the places in it that are followed
 SLAB_MM = 0.7  # thickness of gel whose particles are followed at one height
 ELEMENTS_OF_BIN = 2  # along a bin's side: three change the flow of the benchmark study's labels by 1.6 %
 MOST_ELEMENTS = 60  # along a side
-STEP_MM = 0.01  # of central differences of the projection
+# Of central differences of the projection: they err by the square of the step over the distance, some 1e-7.
+STEP_MM = 0.01
 REFINEMENTS = 2  # of solutions by a factorisation in single precision
 INSIDE_MM = 1e-6
 

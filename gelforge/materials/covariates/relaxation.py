@@ -18,6 +18,7 @@ from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.statistics import percentile_interval, resampled
 from gelforge.materials.covariates.effects import NEGLIGIBLE
 
+# Relaxation of SYNTHETIC samples is found, in ramps too (tests/materials/test_measured_effects.py):
 BINS_PER_DECADE = 15  # rows are averaged in equal bins of log time: late, dense rows shall not decide alone
 # Closer times cannot be distinguished: the kernel exp(-t/tau) is a decade wide (Baumgaertel & Winter 1989, one to two a
 # decade).

@@ -28,15 +28,16 @@ LEAST_SPREAD = 0.1  # of a test's sum of squares: a short piece of a curve must 
 LOSSES = ("linear", "soft_l1")  # quadratic, or growing only linearly beyond 1.345 robust standard deviations
 # of the median absolute residual (Huber 1964: 95 % efficient for normal scatter)
 ROBUST_SCALE = 1.345 * SIGMA_OF_MEDIAN
-WORST_CONDITION = 1e7  # of the Jacobian with columns of length one: half of the digits of double precision
+WORST_CONDITION = 1e7  # of the Jacobian with columns of length 1: half of the 16 digits of double precision
 ROWS_PER_PARAMETER = 3  # fewer rows than that cannot show a misfit
 FEW_ROWS = 12  # in a test: a curve whose shape between the rows is not seen; named in a note
+# Relative tolerances: to rank starts; so that another machine gives the same 10 digits.
 COARSE, FINE = (
     1e-6,
     1e-15,
-)  # relative tolerances: to rank starts; so that another machine gives the same ten digits
+)
 
-NEIGHBOUR = 1e-8  # from a neighbouring fit: far below the scatter between samples
+NEIGHBOUR = 1e-8  # from a neighbouring fit: far below the scatter between samples, 1e-2
 
 
 class FitError(ValueError):

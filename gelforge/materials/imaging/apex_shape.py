@@ -15,6 +15,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import least_squares
 
+# Radii of drawn caps and ellipses are found, through blur and dust too (tests/materials/test_apex_shape.py):
 STEEPEST_DEG = 60.0  # of the outline that is fitted: beyond it the cap's own shape differs most from a conic
 LOWEST_SHARE = 0.3  # of the apex's height over the clamp: keeps off the clamp's rounded edge
 LEAST_SAGITTA_PX = 8.0  # height of the fitted arc; 0.1 px of systematic error is then 1 % of the radius

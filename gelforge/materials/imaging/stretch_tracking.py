@@ -26,6 +26,7 @@ import numpy as np
 
 from gelforge.materials.imaging.plane_stretch import leading_direction, principal_stretches_2d, robust_fit
 
+# Errors and speed on drawn films: `python benchmarks/stretch_tracking.py`:
 NORMALISATION_PATCHES = 0.2  # sigma of the local mean: the piece's edges must not reach the points near them
 MARGIN_PATCHES = 1.5  # of pulled-back picture around the window: what flow needs beyond the outermost points
 # Of the grid: more of them overlap and add little (benchmarks/stretch_tracking.py prints error and speed).

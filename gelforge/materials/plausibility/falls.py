@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.statistics import channel_step, row_noise
 
+# Breaks and slips are found; noise, softening, holds and yield points are none (tests/materials/test_curve_defects.py):
 WITHIN, WITHIN_ROWS = 0.01, (3, 50)  # of the rows, in which the stress falls: slower is softening
 GOES_ON = 5e-4  # of the range of strain, by which it grows meanwhile: else the specimen is held, and relaxes
 LEAST_FALL = 0.05  # of the largest stress

@@ -13,10 +13,11 @@ from gelforge.materials.readers.mapped_checks import unnoticed_unit
 from gelforge.materials.readers.mapped_columns import values
 from gelforge.materials.small_tests.microindentation import layer_factor
 
+# Swapped columns and wrong units of an indentation are refused (tests/materials/test_odd_rows.py):
 # of the ball's radius: the way to the contact included; um read as mm are 1000 times more
 LARGEST_TRAVEL = 50.0
 
-# of gels to hard rubber, a factor of three beyond, as the contact is coarse
+# Of gels to hard rubber (1 kPa to 15 MPa), a factor of 3 beyond, as the contact is coarse.
 YOUNGS_MODULUS_MPA = 3e-4, 50.0
 # of the largest force at half the depth: 0.35 by Hertz, less on a thin layer, 0.5 of a flat punch
 HALF_WAY = 0.62

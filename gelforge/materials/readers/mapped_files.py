@@ -43,7 +43,7 @@ from gelforge.materials.readers.mapped_columns import (
 from gelforge.materials.readers.mapped_contacts import check_modulus, force_pair, indentation_test
 from gelforge.units import UNITS, unit_in_header
 
-LEAST_ROWS = 5  # one more than the parameters of an Ogden model of two terms
+LEAST_ROWS = 5  # one more than the 4 parameters of an Ogden model of two terms
 
 Read = MaterialTest | IndentationTest | ForcePair
 

@@ -46,6 +46,7 @@ CORRECTIONS = (
 )  # made where samples.csv asks for them, stated in the findings
 CIRCUMSTANCES = ("strain_rate_per_s", "age_days", "temperature_C", "cycle")
 
+# Lengths and stresses in another unit are refused (tests/materials/test_reading_material_tests.py):
 # Plausible ranges of sheets and strips. Their ends are less than a factor of 1000 apart, so that a length in m or um
 # falls out. The shear modulus spans more, from gels (0.5 kPa) to filled rubber (Shore A 90, 5 MPa): where a unit wrong
 # by 1000 would stay inside, a finding says so.

@@ -27,6 +27,8 @@ LARGEST_DEPTH_TO_RADIUS = 0.3  # the parabola stands for the ball: Hertz is then
 LARGEST_GIVE = (
     0.7  # of the travel in contact; the sample's share is then the small difference of large numbers
 )
+
+# The modulus is found to 1 %, and 95 % intervals hold it in 34 of 40 draws at least (tests/materials/test_small_tests.py):
 LEAST_ROWS = 8  # in contact
 BEFORE_START = 0.05  # of the travel: machines that zero where they touch begin so near to the contact
 AT_TOUCH = 0.98  # share of rows in contact from which there is none left that shows the force at rest

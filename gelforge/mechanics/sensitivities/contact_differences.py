@@ -17,6 +17,7 @@ from gelforge.mechanics.contact.surface import SurfaceContact
 from gelforge.mechanics.indenters.shapes import Indenter
 from gelforge.mechanics.meshes.mesh import Mesh
 
+# Derivatives against differences of full solutions (tests/verification/test_direct_sensitivities.py):
 # Of the springs that close gaps and hold what sticks, of shear modulus over element size: what is left of a gap or a slip
 # is this part of the others. Rounding in float64 times it is as small.
 STIFF = 1e6

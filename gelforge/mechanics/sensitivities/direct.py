@@ -35,6 +35,7 @@ from gelforge.mechanics.sensitivities.contact_differences import (
 from gelforge.mechanics.sensitivities.force_differences import ForceDifferences
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press, padded
 
+# Derivatives against differences of full solutions (tests/verification/test_direct_sensitivities.py):
 LITTLE = 1e-4  # of what a residual stretch moves per unit
 
 

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from gelforge.mechanics.bodies.body import Body, SmallStrainBody
 from gelforge.mechanics.meshes.elements import ELEMENTS
 
+# Derivatives against differences of full solutions (tests/verification/test_direct_sensitivities.py):
 # Share of a difference that is taken. With nodes elsewhere, displacements that stay change volumes, against a bulk modulus
 # of a thousand shear moduli: the square of such a change must be little beside what shears.
 LESS = 1e-3

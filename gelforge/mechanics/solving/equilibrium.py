@@ -20,7 +20,7 @@ from gelforge.mechanics.solving.corrections import Corrections
 from gelforge.mechanics.solving.prediction import extrapolated, slope_of, unknowns
 
 # Constants that steer the iteration change how many steps and factorisations it takes, which benchmarks/cell_cost.py prints,
-# and no converged state beyond its tolerances.
+# and no converged state beyond its tolerances:
 STEP_LENGTHS = tuple(0.5**halvings for halvings in range(5))  # of a correction
 # Below this residual, and with no node changing between open, stick and slip, the contact's consistent tangent is taken
 # (counts: benchmarks/cell_cost.py).
@@ -49,7 +49,7 @@ PATIENT = 10
 FIRST_STEP = 0.25
 # A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there.
 PATIENCE = 3
-ROUNDING = 1e-9  # of a number of steps
+ROUNDING = 1e-9  # of a number of steps: far above 1e-16 and far below a step
 USUAL = Settings()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.solving.equilibrium import Aim, NotConverged, Press, Watch, padded
 
-MAX_SOLVES = 12  # of one step: the secant takes three to five
+MAX_SOLVES = 12  # of one step: the secant takes 3 to 5
 SHARE_OF_GAP = 1e-2  # of the contact's own tolerance: to this the place of the indenter is found
 
 

@@ -20,7 +20,7 @@ from gelforge.files import digest, file_sha256, write_text
 from gelforge.recording.imaging.images import reference_path
 
 KEPT = Path(".snakemake/images")
-# A file that is this new may change again within one tick of its time stamp: what it holds is not kept.
+# A file this new may change again within a tick of its time stamp, at most 2 s (FAT): what it holds is not kept.
 SETTLED_NS = 2_000_000_000
 THREADS = 4  # reading and hashing run in parallel (no result depends on it)
 State = list[int]  # of a file: size, times of the last change of content and of anything

@@ -17,6 +17,8 @@ from gelforge.recording.imaging.texture import textured
 from gelforge.recording.imaging.warp import read_along
 
 PRESET = "fine"  # of the flow where no study's settings are known
+
+# Of 14 kinds of honest SYNTHETIC images each passes, and each fault is found (tests/recording/test_image_plausibility.py):
 # A session is judged by this many runs of this many indentations one after another, spread over it: enough to see a lag, a
 # frozen camera or a surface that the flow does not fit, in seconds. `features` measures every image.
 RUNS, RUN_LENGTH = 3, 8

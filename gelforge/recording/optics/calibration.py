@@ -14,6 +14,7 @@ from gelforge.recording.optics.boards import Board, CalibrationError, View, View
 from gelforge.recording.optics.camera import CameraError, unproject
 from gelforge.recording.optics.remap import places_in
 
+# Drawn boards and what they determine: `python benchmarks/cameras.py`:
 LEAST_IMAGES = 5  # three determine the intrinsics of a noiseless board; OpenCV asks for ten
 LARGEST_RMS_PX = 1.0  # corners are found to a tenth of a pixel; more is a wrong model, a bent board or motion
 LARGEST_FOCAL_SD = 0.02  # of the focal length; parallel boards leave ten times that and more

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
+# Centres of drawn presses: `python benchmarks/cameras.py`:
 # of the profiles over the radius; how far they reach, as a share of the image's smaller side
 KNOTS, REACH = 7, 0.5
 LEAST_PX = 0.3  # the largest flow of a block that says where it is

@@ -18,6 +18,7 @@ from gelforge.config import Camera, Session, given
 from gelforge.recording.imaging.flow import ImageError, crop, read_grey, reduced
 from gelforge.recording.optics.camera import CameraError, project, unproject
 
+# Errors of remapped images: `python benchmarks/cameras.py`:
 # share of the view that the camera must see; what it does not is made of the border's pixels
 LEAST_SEEN = 0.9
 SAME_PX = 0.02  # images closer than this are used as they are: half of what the flow errs by

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+# Lags of SYNTHETIC logs are found within 5 ms (tests/importing/test_clocks.py):
 BEND_S, BEND_STEP_S = 0.08, 0.002  # around a coarse lag, in which a bend is looked for
 LEAST_SAMPLES = 4  # on each side
 RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on

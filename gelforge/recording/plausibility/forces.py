@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
 AXES = np.array(["fx", "fy", "fz"])
+
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 # Floors: resolution, repeatability and scatter of one reading together (`floor_N`).
 TARED_FLOORS = 5.0  # a mean of zero rows this far from zero is no noise
 TARED_SHARE = 0.01  # of the session's largest force: less does not decide how large a force is

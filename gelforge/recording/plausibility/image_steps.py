@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+# Of 14 kinds of honest SYNTHETIC images each passes, and each fault is found (tests/recording/test_image_plausibility.py):
 MOST_STEPS = 3  # images that a buffer holds back
 LEAST_IMAGES = 8  # for a correlation to say something
 FITS, BETTER = 0.8, 0.3  # correlation of flow and depth at a shift, and by how much it beats that as recorded

@@ -15,6 +15,7 @@ from gelforge.recording.plausibility.findings import Finding, Level, mostly
 from gelforge.recording.plausibility.image_series import LEAST_LIGHT, LEAST_TEXTURE, ImageSeries
 from gelforge.recording.plausibility.image_steps import lag
 
+# Of 14 kinds of honest SYNTHETIC images each passes, and each fault is found (tests/recording/test_image_plausibility.py):
 DARK, BRIGHT = 10.0, 245.0  # mean grey levels that are called black and white
 EXPOSURE_STEP = 0.15  # lamps warm by less from one image to the next, and pressing shades less
 LIGHT_IMAGES = 11  # in the running median of the light where an indentation has no image before contact

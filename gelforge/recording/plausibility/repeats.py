@@ -12,6 +12,9 @@ from gelforge.config import ForceSensor
 from gelforge.recording.plausibility.indentations import force_over_depth, scatter_N
 
 RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
+
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 SHORTEST = 3  # rows of a run whose force should change
 SHORTEST_OF_NOISE = 8  # rows of a run that is too even for the channel's own noise
 CHANCE = 1e-6  # of such a run in the whole session, by the channel's own share of equal neighbours

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
 RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
+
+# Clipped SYNTHETIC channels are found; coarse, noisy and quiet ones pass (tests/recording/test_saturation.py):
 CHANCE = 1e-6  # of so many readings, or indentations, at exactly the largest value of an honest channel
 LEAST_PAIRS = 10  # of neighbours, to know how often two readings are equal; and of levels, to know their step
 LEAST_PRESSES = 3  # of a depth, to know how often two sites read the same

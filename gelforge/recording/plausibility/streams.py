@@ -14,6 +14,9 @@ from gelforge.recording.plausibility.findings import Finding, mostly
 from gelforge.recording.tables.checks import RecordingError
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
+
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 WINDOW_S = 0.02  # samples this far from a reading are averaged: less than a camera's frame time
 FEW = 3  # samples of a mean
 # samples farther apart than this many periods of the log enclose a gap: one or two lost are none

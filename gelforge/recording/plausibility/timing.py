@@ -14,6 +14,8 @@ from gelforge.recording.plausibility.streams import ForceLog
 if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 LEAST_INDENTATIONS = 3  # that a lag is found from
 MOST_INDENTATIONS = 200  # spread evenly: more add nothing
 # share of the force's variance that depth leaves unexplained: sites and relaxation leave less

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-LEAST_STEP_S = 1e-3  # time runs on between two readings that share a stamp
+# Time runs on between two readings that share a stamp: the period of 1000 readings a second.
+LEAST_STEP_S = 1e-3
 
 
 @dataclass(frozen=True)
