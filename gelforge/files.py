@@ -69,10 +69,27 @@ class FileError(ValueError):
 # ------------------------------------------------------------------------------------------ whole or absent
 @contextmanager
 def atomic(target: str | Path, sealed: bool = False) -> Iterator[Path]:
-    """Yield a temporary path beside target; sealed if asked, synced and renamed on success, removed on failure.
+    """Yield a temporary path next to a target, which is renamed to the target on success and removed on failure.
 
-    The temporary name holds machine, process and its start, so that an orphan that finishes late cannot disturb its
-    successor, and what a killed process left is known as such: it is removed here. Raises FileError for a full disk.
+    The temporary name holds machine, process and its start: an orphan that finishes late cannot disturb its successor, and
+    what a killed process left is removed here.
+
+    Parameters
+    ----------
+    target : str or Path
+        The file; missing folders above it are made.
+    sealed : bool
+        Write the checksum into the file (`seal`) before it is renamed.
+
+    Yields
+    ------
+    Path
+        Write here.
+
+    Raises
+    ------
+    FileError
+        For a full disk, and for a target that is a folder.
     """
     target = Path(target)
     if target.is_dir():
@@ -98,7 +115,18 @@ def atomic(target: str | Path, sealed: bool = False) -> Iterator[Path]:
 
 
 def no_room(error: BaseException) -> str:
-    """Return in words why an error means that nothing can be written; "" where it means something else."""
+    """Return in words why nothing can be written.
+
+    Parameters
+    ----------
+    error : BaseException
+        What was raised while a file was written.
+
+    Returns
+    -------
+    str
+        Such as "no space is left on the device"; "" where the error means something else.
+    """
     return NO_ROOM.get(errno_of(error), "")
 
 
@@ -109,12 +137,29 @@ def errno_of(error: BaseException) -> int:
 
 
 def temporary_beside(target: Path) -> Path:
-    """Return a temporary path beside target that no other process uses and that `remove_orphans` knows."""
+    """Return a temporary path next to a target that no other process uses and that `remove_orphans` knows.
+
+    Parameters
+    ----------
+    target : Path
+        The file.
+
+    Returns
+    -------
+    Path
+        In the same folder, with the target's suffix.
+    """
     return target.with_name(f".{target.stem}.{_owner()}.tmp{target.suffix}")
 
 
 def remove_orphans(folder: Path) -> None:
-    """Remove what processes that are no more left in a folder under a temporary name; once per process and folder."""
+    """Remove temporary files that processes which have ended left in a folder; once per process and folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Must exist.
+    """
     _swept(os.getpid(), folder.absolute())
 
 
@@ -185,10 +230,25 @@ def seal(path: str | Path) -> None:
 def check_seal(
     path: str | Path, remedy: str, kind: type[ValueError] = FileError, stated: str | None = None
 ) -> None:
-    """Raise an error of a kind, naming file and remedy, for a file that is missing, damaged, edited or cannot be read.
+    """Refuse a file that is missing, damaged, edited or cannot be read.
 
-    stated: the SHA-256 of the whole file where another file holds it; otherwise the file holds its own. A file that was
-    found whole is not read again in this process while size and time of change stay the same.
+    A file that was found whole is not read again in this process while its size and time of change stay the same.
+
+    Parameters
+    ----------
+    path : str or Path
+        A product of gelforge.
+    remedy : str
+        What to do, for the message.
+    kind : type of ValueError
+        Class of the error.
+    stated : str, optional
+        SHA-256 of the whole file where another file holds it; otherwise the file holds its own.
+
+    Raises
+    ------
+    kind
+        Names file and remedy.
     """
     path = Path(path)
     try:
@@ -207,7 +267,18 @@ def check_seal(
 
 
 def why_not_read(error: OSError) -> str:
-    """Return in words why a file was not read, with what to do; nothing speaks against the file itself."""
+    """Return in words why a file was not read, with what to do; nothing speaks against the file itself.
+
+    Parameters
+    ----------
+    error : OSError
+        What was raised while the file was read.
+
+    Returns
+    -------
+    str
+        Reason and remedy.
+    """
     known = NOT_THE_FILE.get(errno_of(error))
     return known or f"{error.strerror or str(error).splitlines()[0]}; the file may well be whole, run again"
 
@@ -271,18 +342,59 @@ def _sum(path: Path, place: int) -> str:
 
 # ------------------------------------------------------------------------------------------------- text
 def write_text(target: str | Path, text: str) -> None:
-    """Write a UTF-8 text file, whole or not at all."""
+    """Write a UTF-8 text file, whole or not at all.
+
+    Parameters
+    ----------
+    target : str or Path
+        The file; missing folders above it are made.
+    text : str
+        Its content; line ends stay as they are.
+
+    Raises
+    ------
+    FileError
+        For a full disk; what was there before stays.
+    """
     with atomic(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(target: str | Path, content) -> None:
-    """Write JSON with sorted keys, whole or not at all: the same content gives the same bytes."""
+    """Write JSON with sorted keys, whole or not at all: the same content gives the same bytes.
+
+    Parameters
+    ----------
+    target : str or Path
+        The file; missing folders above it are made.
+    content : object
+        Anything that JSON can hold; no NaN and no infinity.
+
+    Raises
+    ------
+    ValueError
+        For NaN or infinity.
+    FileError
+        For a full disk; what was there before stays.
+    """
     write_text(target, json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n")
 
 
 def write_product_json(target: str | Path, content: dict) -> None:
-    """Write a JSON object that a later stage reads, its checksum as the first key `checksum`."""
+    """Write a JSON object that a later stage reads, its checksum as the first key `checksum`.
+
+    Parameters
+    ----------
+    target : str or Path
+        The file; missing folders above it are made.
+    content : dict
+        Anything that JSON can hold; no NaN and no infinity.
+
+    Raises
+    ------
+    FileError
+        For a full disk; what was there before stays.
+    """
     text = json.dumps(content, indent=2, sort_keys=True, allow_nan=False)
     with atomic(target, sealed=True) as temporary:
         first = '{\n  "checksum": "' + UNSEALED.decode() + '"' + ("," if content else "")
@@ -290,7 +402,27 @@ def write_product_json(target: str | Path, content: dict) -> None:
 
 
 def read_product_json(path: str | Path, remedy: str, kind: type[ValueError] = FileError) -> dict:
-    """Return what `write_product_json` wrote, after checking that it is whole."""
+    """Return the JSON object that `write_product_json` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    remedy : str
+        What to do, for the message.
+    kind : type of ValueError
+        Class of the error.
+
+    Returns
+    -------
+    dict
+        Without the checksum.
+
+    Raises
+    ------
+    kind
+        For a file that is missing, damaged or edited, and for other content than an object.
+    """
     check_seal(path, remedy, kind)
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -307,7 +439,21 @@ def write_product_table(
 ) -> None:
     """Write a CSV table that a later stage reads, its checksum as the name of a last, empty column.
 
-    inputs: the digest of what the table was made from, in the name of another one.
+    Parameters
+    ----------
+    target : str or Path
+        The file; missing folders above it are made.
+    table : pandas.DataFrame
+        Its index is not written.
+    float_format : str, optional
+        As of pandas.DataFrame.to_csv, such as "%.6g".
+    inputs : str
+        Digest of what the table was made from; it becomes the name of another empty column.
+
+    Raises
+    ------
+    FileError
+        For a full disk; what was there before stays.
     """
     with atomic(target, sealed=True) as temporary:
         names = [f"inputs:{inputs}"] * bool(inputs) + [UNSEALED.decode()]
@@ -318,7 +464,29 @@ def write_product_table(
 def read_product_table(
     path: str | Path, remedy: str, kind: type[ValueError] = FileError, **options
 ) -> pd.DataFrame:
-    """Return a table that `write_product_table` wrote, after checking that it is whole; options as of pandas.read_csv."""
+    """Return a table that `write_product_table` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    remedy : str
+        What to do, for the message.
+    kind : type of ValueError
+        Class of the error.
+    **options
+        As of pandas.read_csv.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Without the columns of the checksum.
+
+    Raises
+    ------
+    kind
+        For a file that is missing, damaged or edited.
+    """
     check_seal(path, remedy, kind)
     import pandas as pd  # a third of a second, which who reads no table does without
 
@@ -333,7 +501,24 @@ def without_seal(table: pd.DataFrame) -> pd.DataFrame:
 def check_table_inputs(
     path: str | Path, expected: str, remedy: str, kind: type[ValueError] = FileError
 ) -> None:
-    """Raise an error of a kind where a whole table was made from other inputs than the expected ones."""
+    """Refuse a table that was made from other inputs than the expected ones.
+
+    Parameters
+    ----------
+    path : str or Path
+        A table that `write_product_table` wrote with `inputs`.
+    expected : str
+        The digest of the inputs.
+    remedy : str
+        What to do, for the message.
+    kind : type of ValueError
+        Class of the error.
+
+    Raises
+    ------
+    kind
+        For a table that is damaged or of another digest.
+    """
     check_seal(path, remedy, kind)
     with open(path, encoding="utf-8") as file:
         found = re.search(r"inputs:([0-9a-f]+)", file.readline())
@@ -345,20 +530,67 @@ def check_table_inputs(
 
 
 def write_table(folder: str | Path, name: str, table: pd.DataFrame) -> None:
-    """Write a pandas table as <name>.csv, with its checksum, and <name>.md in a folder."""
+    """Write a table as <name>.csv, with its checksum, and as <name>.md.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Made where it is missing.
+    name : str
+        Name of both files.
+    table : pandas.DataFrame
+        Its index is not written; the Markdown has four significant digits.
+    """
     write_product_table(Path(folder) / f"{name}.csv", table)
     write_text(Path(folder) / f"{name}.md", table.to_markdown(index=False, floatfmt=".4g") + "\n")
 
 
 # ---------------------------------------------------------------------------------------------- digests
 def file_sha256(path: str | Path) -> str:
-    """Return the SHA-256 of a file's bytes, as hexadecimal text. Raises NotAFile."""
+    """Return the SHA-256 of a file's bytes.
+
+    Parameters
+    ----------
+    path : str or Path
+        A regular file.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+
+    Raises
+    ------
+    NotAFile
+        For what is missing, a folder, a pipe or a device.
+    """
     with open(regular_file(path), "rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
 
 def digest(content) -> str:
-    """Return the SHA-256 of a JSON-able content, independent of the order of keys."""
+    """Return the SHA-256 of a content, independent of the order of keys.
+
+    Parameters
+    ----------
+    content : object
+        Anything that JSON can hold; no NaN and no infinity.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+
+    Raises
+    ------
+    ValueError
+        For NaN or infinity.
+
+    Examples
+    --------
+    >>> digest({"a": 1, "b": 2}) == digest({"b": 2, "a": 1})
+    True
+    """
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -175,7 +175,13 @@ class Stages(_Shown):
 
 
 def stage(words: str) -> None:
-    """Say what the running `Stages` do now; nothing where there are none, or in a worker of the command that shows them."""
+    """Say what the running `Stages` do next; this does nothing in a worker, or where no stages run.
+
+    Parameters
+    ----------
+    words : str
+        Words for the line of progress.
+    """
     if os.getpid() == _shown_by and not _shown:
         for stages in _stages:
             stages.begin(words)
@@ -187,7 +193,22 @@ def print_now(words: str, end: str = "\n") -> None:
 
 
 def tracked(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:
-    """Yield items, and show how many of them are done; total: how many there are, where they do not know it."""
+    """Yield items, and show how many of them are done.
+
+    Parameters
+    ----------
+    items : iterable
+        Anything, a generator too.
+    what : str
+        Words for the line of progress, such as "sites".
+    total : int, optional
+        Number of items, where they do not know it.
+
+    Yields
+    ------
+    object
+        The items, unchanged and in their order.
+    """
     if total is None and isinstance(items, Sized):
         total = len(items)
     with Progress(what, total) as progress:
@@ -197,7 +218,23 @@ def tracked(items: Iterable[Item], what: str, total: int | None = None) -> Itera
 
 
 def duration(seconds: float) -> str:
-    """Return a time in words, to two figures or so: "8 s", "3 min 20 s", "2 h 15 min"."""
+    """Return a time in words, to two figures or so.
+
+    Parameters
+    ----------
+    seconds : float
+        At least 0.
+
+    Returns
+    -------
+    str
+        Such as "8 s", "3 min 20 s" or "2 h 15 min".
+
+    Examples
+    --------
+    >>> duration(200)
+    '3 min 20 s'
+    """
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"

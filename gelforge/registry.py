@@ -21,14 +21,46 @@ Kind = TypeVar("Kind", bound=Named)
 
 
 def names_in(folders: Iterable[str]) -> list[str]:
-    """Return the names of a package's files in alphabetical order, without importing any."""
+    """Return the names of a package's files in alphabetical order, without importing any.
+
+    Parameters
+    ----------
+    folders : iterable of str
+        `__path__` of the package.
+
+    Returns
+    -------
+    list of str
+        Without suffix.
+    """
     return sorted(module.name for module in iter_modules(folders))
 
 
 def defined(package: str, name: str, attribute: str, kind: type[Kind]) -> Kind:
-    """Return what the file `name` of a package defines as attribute.
+    """Return what a file of a package defines under a name.
 
-    Raises TypeError for a file without one of this kind, ValueError for one whose own name is not the file's.
+    Parameters
+    ----------
+    package : str
+        Such as "gelforge.mechanics.laws.models".
+    name : str
+        The file, without suffix.
+    attribute : str
+        Such as "MODEL".
+    kind : type
+        Class that the attribute must have.
+
+    Returns
+    -------
+    kind
+        The attribute.
+
+    Raises
+    ------
+    TypeError
+        For a file without an attribute of this class.
+    ValueError
+        For one whose own name is not the file's.
     """
     file = f"{package.removeprefix('gelforge.').replace('.', '/')}/{name}.py"
     found = getattr(import_module(f"{package}.{name}"), attribute, None)

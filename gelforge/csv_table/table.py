@@ -93,11 +93,33 @@ def read_csv(
     optional_texts: Sequence[str] = (),
     form: CsvForm = CsvForm(),
 ) -> pd.DataFrame:
-    """Return a CSV file as a table whose index is the line number in the file.
+    """Return a CSV file as a table.
 
-    numbers: columns that must be there and hold a finite number in every row; optional_numbers: may be absent
-    or empty (NaN). texts: columns that must be there and not be empty; optional_texts: may be absent or empty
-    (""). Other columns are kept as text.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    numbers : sequence of str
+        Columns that must be there and hold a finite number in every row.
+    optional_numbers : sequence of str
+        Columns of numbers that may be absent or have empty cells (NaN).
+    texts : sequence of str
+        Columns that must be there and have no empty cell.
+    optional_texts : sequence of str
+        Columns of text that may be absent or have empty cells ("").
+    form : CsvForm
+        Separator, decimal sign, header and filters; by default a comma, a point and a header.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The index is the line number in the file. Other columns of the file are kept as text.
+
+    Raises
+    ------
+    TableError
+        For a missing column or cell, a text in place of a number, and a file without rows. The message names file,
+        row, value and remedy.
     """
     lines, columns = read_columns(
         path,
@@ -125,7 +147,27 @@ def read_columns(
     optional_texts: Sequence[str] = (),
     form: CsvForm = CsvForm(),
 ) -> tuple[list[int], dict[str, list]]:
-    """Return the line numbers and the columns of a CSV file, checked as by `read_csv`."""
+    """Return the columns of a CSV file without pandas, checked as by `read_csv`.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    numbers, optional_numbers, texts, optional_texts, form
+        As of `read_csv`.
+
+    Returns
+    -------
+    list of int
+        Line number of each row.
+    dict of str to list
+        Values by column: float for numbers, str for texts.
+
+    Raises
+    ------
+    TableError
+        As `read_csv`.
+    """
     path = Path(path)
     header, signs, rows = _split(path, form, [*numbers, *texts])
     if form.header and form.units_row is not False:

@@ -154,9 +154,19 @@ def derivatives(
 
 
 def unmirrored(study: Study) -> Study:
-    """Return the study for one site by itself: whether its images could be mirrored with an effect does not matter.
+    """Return the study for one site by itself, for which it does not matter whether an effect allows mirrored sites.
 
-    Only `d4` asks for it and is refused; `auto` mirrors nothing where it does not hold.
+    Only `d4` asks for symmetry and is refused where it does not hold; `auto` then mirrors nothing.
+
+    Parameters
+    ----------
+    study : Study
+        Stays as it is.
+
+    Returns
+    -------
+    Study
+        With `plan.symmetry: none` in place of `d4`.
     """
     return study.with_values({"plan": {"symmetry": "none"}}) if study.plan.symmetry == "d4" else study
 
