@@ -140,7 +140,25 @@ def write_agreement(path: str | Path, table: pd.DataFrame, inputs: str = "") -> 
 
 
 def read_agreement(path: str | Path, inputs: str | None = None) -> pd.DataFrame:
-    """Return agreement.csv; names stay text. inputs: what the digest of its sites and readings must be."""
+    """Return the table agreement.csv: forces measured and simulated, side by side.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    inputs : str, optional
+        What the digest of its sites and readings must be.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per reading; names stay text.
+
+    Raises
+    ------
+    DatasetError
+        For a file that is damaged, or made from other inputs.
+    """
     if inputs is not None:
         check_table_inputs(path, inputs, f"make the agreement again (snakemake -R {path})", DatasetError)
     return read_product_table(

@@ -138,7 +138,24 @@ def sigma(cell: Cell, quantity: str) -> np.ndarray:
 
 
 def check_digest(path: str | Path, name: str, cell: Cell, expected: str | None) -> None:
-    """Raise DatasetError for the file of another site, or of one made with other settings than the expected digest's."""
+    """Refuse the file of another site, or of one made with other settings.
+
+    Parameters
+    ----------
+    path : str or Path
+        The site's file, for the message.
+    name : str
+        The site that is needed.
+    cell : Cell
+        What the file holds.
+    expected : str or None
+        Digest of the settings; None where they do not matter.
+
+    Raises
+    ------
+    DatasetError
+        Names file, digest and remedy.
+    """
     found = cell.attributes
     if found["cell"] != name:
         raise DatasetError(f"{path}: holds site {found['cell']!r}, expected {name!r}; simulate it again")

@@ -38,9 +38,22 @@ class Pose:
 
 
 def particle_plane_mm(sensor: Sensor) -> float:
-    """Return the mean height [mm, sensor frame] of the particles: layers by thickness and volume share.
+    """Return the mean height of the particles: layers by thickness and volume share.
 
-    Raises CameraError for a sensor whose layers carry none.
+    Parameters
+    ----------
+    sensor : Sensor
+        Layers with `particle_volume_fraction` carry particles.
+
+    Returns
+    -------
+    float
+        z [mm] in the sensor frame; 0 is the top surface, negative is below.
+
+    Raises
+    ------
+    CameraError
+        For a sensor whose layers carry none.
     """
     z, weights, heights = -sensor.height_mm, [], []
     for layer in sensor.layers:
@@ -93,12 +106,33 @@ def press_centres(recording: Recording, camera: Camera) -> tuple[list[str], np.n
 def fit_pose(
     camera: Camera, names: list[str], places: np.ndarray, centres: np.ndarray, plane_z_mm: float
 ) -> Pose:
-    """Return the camera's pose by indentations at places (P, 2) [mm] seen at centres (P, 2) [px] on the plane z =
-    plane_z_mm.
+    """Return a camera's pose by indentations that it shows on a horizontal plane.
 
-    Fitted: position x, y, z and the turn about z. Held: the tilts about x and y, which at one height look like a shift, and
-    everything of the lens. Only the distance from the plane to the pinhole shows: z is wrong by what plane_z_mm is.
-    Raises CameraError for fewer than 4 positions, positions on a line, and images mirrored otherwise than described.
+    Fitted are the position and the turn about z. Held are the tilts about x and y, which at one height look like a shift,
+    and everything of the lens. Only the distance from the plane to the pinhole shows: z is wrong by what plane_z_mm is.
+
+    Parameters
+    ----------
+    camera : Camera
+        Its lens, and the pose from which the fit starts.
+    names : list of str
+        P names of the indentations, for what is left out.
+    places : numpy.ndarray
+        (P, 2) [mm] in the sensor frame.
+    centres : numpy.ndarray
+        (P, 2) [px] at which they are seen.
+    plane_z_mm : float
+        Height of the plane in the sensor frame.
+
+    Returns
+    -------
+    Pose
+        Camera, standard deviations, error [px], and indentations left out.
+
+    Raises
+    ------
+    CameraError
+        For fewer than 4 positions, positions on a line, and images mirrored otherwise than described.
     """
     _check_places(places)
     kept, left_out = np.ones(len(places), bool), {}

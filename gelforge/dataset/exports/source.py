@@ -138,12 +138,29 @@ def open_source(
     data: str | Path | None = None,
     validation_fraction: float | None = None,
 ) -> Source:
-    """Return the dataset of a folder (`results/<study>/dataset`), its shards checked against the manifest.
+    """Return the dataset of a folder, its shards checked against the manifest.
 
-    images: rows hold the image files' content, see RowImages for `data`; validation_fraction: share of the training orbits
-    that are the split `validation`, the same ones that monitor the loss when the study's network is trained (None: as
-    usual). Raises DatasetError for a folder without a dataset, shards that are not the manifest's, and images that do not
-    exist.
+    Parameters
+    ----------
+    folder : str or Path
+        results/<study>/dataset.
+    images : bool
+        Rows hold the content of the image files.
+    data : str or Path, optional
+        Where the recordings lie (`RowImages`).
+    validation_fraction : float, optional
+        Share of the training orbits that are the split `validation`: those that monitor the loss when the study's
+        network is trained. None for the default.
+
+    Returns
+    -------
+    Source
+        Rows, columns, splits and manifest.
+
+    Raises
+    ------
+    DatasetError
+        For a folder without a dataset, shards that are not the manifest's, and images that do not exist.
     """
     folder = Path(folder)
     manifest = read_manifest(folder / "manifest.json")

@@ -89,12 +89,35 @@ def _changed(study: Study, changes: dict) -> Study:
 
 
 def gel_layers(study: Study) -> list[str]:
-    """Return the layers under the skin; of a sensor with one layer, that one."""
+    """Return the names of the layers under the skin.
+
+    Parameters
+    ----------
+    study : Study
+        With at least one layer.
+
+    Returns
+    -------
+    list of str
+        From the base up, without the top layer; that one of a sensor with a single layer.
+    """
     names = [layer.name for layer in study.sensor.layers]
     return names[:-1] or names
 
 
 def skin_layer(study: Study) -> str:
+    """Return the name of the top layer, which the indenter touches.
+
+    Parameters
+    ----------
+    study : Study
+        With at least one layer.
+
+    Returns
+    -------
+    str
+        A name of `study.sensor.layers`.
+    """
     return study.sensor.layers[-1].name
 
 

@@ -97,12 +97,34 @@ def _every(step: int, end: int) -> range:
 
 
 def name_of(at: Index) -> str:
-    """Return the name of a place's file."""
+    """Return the name of the file of a place of the lattice.
+
+    Parameters
+    ----------
+    at : (int, int)
+        Steps of the finest lattice along x and y.
+
+    Returns
+    -------
+    str
+        Such as "between_0004_0012".
+    """
     return f"between_{at[0]:04d}_{at[1]:04d}"
 
 
 def index_of(name: str) -> Index | None:
-    """Return the place of a file's name, None for another name."""
+    """Return the place of the lattice that a name of a file says.
+
+    Parameters
+    ----------
+    name : str
+        Such as "between_0004_0012".
+
+    Returns
+    -------
+    (int, int) or None
+        Steps of the finest lattice along x and y; None for another name.
+    """
     found = NAME.fullmatch(name)
     return (int(found[1]), int(found[2])) if found else None
 
@@ -145,7 +167,20 @@ def lattice_digest(study: Study, lattice: Lattice) -> str:
 
 
 def lattice_of(study: Study, cells: Mapping[str, PlannedCell]) -> Lattice | None:
-    """Return the lattice of the plan's sites between which may be interpolated, None where solving all costs no more."""
+    """Return the lattice of the plan's sites between which labels may be interpolated.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor, indenter and symmetry.
+    cells : mapping of str to PlannedCell
+        Sites of the plan.
+
+    Returns
+    -------
+    Lattice or None
+        None where no site may be interpolated, or solving all costs no more.
+    """
     inside = [cell for cell in cells.values() if interpolable(study, cell)]
     if not inside:
         return None
@@ -184,7 +219,20 @@ def interpolable(study: Study, cell: PlannedCell) -> bool:
 
 
 def solved_site(lattice: Lattice, name: str) -> PlannedCell | None:
-    """Return the site to be solved at a place of the lattice, None for a name that is none of its."""
+    """Return the site to be solved at a place of the lattice.
+
+    Parameters
+    ----------
+    lattice : Lattice
+        As `lattice_of` returns it.
+    name : str
+        As `name_of` returns it.
+
+    Returns
+    -------
+    PlannedCell or None
+        With position [mm] and depths [mm]; None for a name of no place of the lattice.
+    """
     at = index_of(name)
     if at is None or any(k > end for k, end in zip(at, lattice.ends)):
         return None

@@ -318,7 +318,21 @@ def _phase(move: np.ndarray) -> str:
 
 
 def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
-    """Refuse positions outside the sensor, and indentations that pierce it, sink the indenter or pass between nodes."""
+    """Refuse a plan that the sensor, its mesh or the indenter do not allow.
+
+    Parameters
+    ----------
+    cells : dict of str to PlannedCell
+        Sites of the plan.
+    study : Study
+        Sensor, indenter, mesh and effects.
+
+    Raises
+    ------
+    ConfigError
+        For positions outside the sensor, indentations that pierce it or sink the indenter, and indenters that pass
+        between nodes. The message names the site, value, limit and remedy.
+    """
     sensor, effects = study.sensor, study.mechanics.effects
     check_sensor_size(sensor)
     check_mesh(study)

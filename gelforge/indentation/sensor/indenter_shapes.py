@@ -25,7 +25,23 @@ EDGE_SHARE = 0.2
 
 
 def shape_of(section: Indenter) -> Shape:
-    """Return the rigid body that a section describes. Raises ConfigError for a file that bounds no body."""
+    """Return the rigid body that a section of the configuration describes.
+
+    Parameters
+    ----------
+    section : Indenter
+        One shape, or parts with offsets [mm].
+
+    Returns
+    -------
+    Shape
+        Its distance function and support; lengths in mm.
+
+    Raises
+    ------
+    ConfigError
+        For a file that bounds no body.
+    """
     shapes = [_part(part) for part in section.shapes]
     if not section.parts:
         return shapes[0]

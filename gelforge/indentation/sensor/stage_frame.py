@@ -10,7 +10,20 @@ CORNER_MM = 0.1  # nobody presses nearer to the very corner; 32 mm in metres are
 
 
 def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
-    """Return stage positions (N, 2) [mm] in the sensor frame: R(rotation) H x + origin, H flips y of a left-handed stage."""
+    """Return positions of the stage in the sensor frame: R(rotation) H x + origin, where H flips y of a left-handed stage.
+
+    Parameters
+    ----------
+    xy : numpy.ndarray
+        (N, 2) [mm] in the frame of the stage.
+    stage : StageToSensor
+        Origin [mm], rotation [deg] and handedness.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N, 2) [mm] in the sensor frame.
+    """
     return xy @ axes_of_stage(stage).T + stage.origin_mm
 
 
@@ -22,9 +35,19 @@ def axes_of_stage(stage: StageToSensor) -> np.ndarray:
 
 
 def first_outside(xy: np.ndarray, width_mm: tuple[float, float]) -> tuple[int, str] | None:
-    """Return the number of the first of a session's positions (N, 2) [mm] that cannot be right, and why; None: all can.
+    """Return the first position that cannot be right, and why.
 
-    xy: in the sensor's frame; width_mm: of the sensor along x and y. Positions outside the sensor, or in its very corner.
+    Parameters
+    ----------
+    xy : numpy.ndarray
+        (N, 2) [mm] of a session in the sensor frame.
+    width_mm : (float, float)
+        Of the sensor along x and y.
+
+    Returns
+    -------
+    (int, str) or None
+        Row and words: outside the sensor, or all in its very corner. None where all may be right.
     """
     width = np.array(width_mm)
     outside = ((xy < 0) | (xy > width)).any(axis=1)

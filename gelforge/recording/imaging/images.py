@@ -18,12 +18,36 @@ JPEG_END, JPEG_TAIL = b"\xff\xd9", 4096  # the end marker; cameras pad what foll
 
 
 def image_path(folder: str | Path, name: str) -> Path:
-    """Return the path of a session's image."""
+    """Return the path of a session's image.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The session's folder.
+    name : str
+        As the column `image` of indentations.csv names it.
+
+    Returns
+    -------
+    Path
+        <folder>/images/<name>, whether it exists or not.
+    """
     return Path(folder) / "images" / name
 
 
 def reference_path(folder: str | Path) -> Path:
-    """Return the path of a session's zero-force frame."""
+    """Return the path of a session's zero-force frame.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The session's folder.
+
+    Returns
+    -------
+    Path
+        <folder>/reference.png, whether it exists or not.
+    """
     return Path(folder) / "reference.png"
 
 
@@ -94,7 +118,18 @@ def image_size(path: Path) -> tuple[int, int]:
 
 
 def refuse_turned(path: Path) -> None:
-    """Raise RecordingError for an image whose EXIF orientation says that it is to be shown turned or mirrored."""
+    """Refuse an image whose EXIF orientation says that it is to be shown turned or mirrored.
+
+    Parameters
+    ----------
+    path : Path
+        The image; one that cannot be decoded passes here.
+
+    Raises
+    ------
+    RecordingError
+        Names the image and the orientation.
+    """
     try:
         with Image.open(path) as image:
             _refuse_turned(path, image)

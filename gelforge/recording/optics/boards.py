@@ -91,7 +91,25 @@ class Views:
 
 
 def find_boards(folder: str | Path, board: Board) -> Views:
-    """Return the boards in a folder's images. Raises CalibrationError for no images, or images of several sizes."""
+    """Return the calibration boards in a folder's images.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Images of one size; those that cannot be decoded are left out by name.
+    board : Board
+        Rows, columns and size of the squares [mm]; markers of a ChArUco board.
+
+    Returns
+    -------
+    Views
+        Corners [px] by image, images left out with the reason, and whether markers are mirrored.
+
+    Raises
+    ------
+    CalibrationError
+        For no folder, no images, or images of several sizes.
+    """
     folder = Path(folder)
     if what := another_kind(folder, "a folder"):
         one = f" (of a video: ffmpeg -i {folder.name} -r 2 FOLDER/%04d.png)" if "video" in what else ""

@@ -74,10 +74,31 @@ class Calibration:
 def calibrate(
     views: Views, board: Board, model: str = "pinhole", rms_px: float = LARGEST_RMS_PX
 ) -> Calibration:
-    """Return the calibration by the boards seen; an image far worse than the others is left out, with its reason.
+    """Return the lens of a camera by the boards seen.
 
-    Raises CalibrationError with value, limit and remedy: too few images, too little of the image covered, boards that are
-    all nearly parallel (the focal length's standard deviation shows), a large error, or a distortion that folds.
+    An image far worse than the others is left out, with its reason.
+
+    Parameters
+    ----------
+    views : Views
+        As `find_boards` returns them.
+    board : Board
+        The board that they show.
+    model : str
+        "pinhole" (five coefficients of distortion) or "fisheye" (four).
+    rms_px : float
+        Largest accepted error of the corners [px].
+
+    Returns
+    -------
+    Calibration
+        Intrinsics with standard deviations, errors by image and the share of the image covered.
+
+    Raises
+    ------
+    CalibrationError
+        For too few images, too little of the image covered, boards that are nearly parallel, a large error, or a
+        distortion that folds. The message gives value, limit and remedy.
     """
     _enough(views)
     found = _fitted(views, board, model)

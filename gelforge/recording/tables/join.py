@@ -15,7 +15,19 @@ from gelforge.recording.tables.checks import RecordingError
 
 
 def press_table(readings: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per indentation: press, order, cell, x_mm, y_mm (sensor frame), depth_mm commanded, row."""
+    """Return one row per indentation of a session's readings.
+
+    Parameters
+    ----------
+    readings : pandas.DataFrame
+        Of a Recording: columns press, phase, order, cell, x_mm, y_mm and depth_mm.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns press, order, cell, x_mm and y_mm (sensor frame), depth_mm (the largest commanded) and row (line of the
+        file).
+    """
     held = readings[readings["phase"].isin(["load", "dwell"])]
     presses = held.groupby("press", sort=False).agg(
         order=("order", "first"),
