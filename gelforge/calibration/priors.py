@@ -47,7 +47,25 @@ def youngs_modulus_kPa(scale: str, hardness: float) -> float:
 
 
 def prior_of(name: str, text: str) -> Prior:
-    """Return the prior that a text describes, `shoreA:10`, `shore00:30` or `LOW:HIGH`. Raises ConfigError."""
+    """Return the prior that a text describes.
+
+    Parameters
+    ----------
+    name : str
+        The parameter, for messages; a hardness is for a modulus only.
+    text : str
+        "shoreA:10", "shore00:30" or "LOW:HIGH", the ends of a 90 % interval.
+
+    Returns
+    -------
+    Prior
+        Ends and source.
+
+    Raises
+    ------
+    ConfigError
+        For another text.
+    """
     if found := HARDNESS.fullmatch(text.strip()):
         scale = found[1].lower().replace("o", "0")
         if not name.endswith(".modulus"):

@@ -152,7 +152,7 @@ def read_agreement(path: str | Path, inputs: str | None = None) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per reading; names stay text.
+        One row per indentation; names stay text.
 
     Raises
     ------

@@ -84,9 +84,29 @@ class Imported:
 
 
 def import_logs(mapping_file: str | Path, name: str, data: Path | None = None) -> Imported:
-    """Return what the logs that a mapping describes hold, as a session of this name. Raises ImportingError and others.
+    """Return the session that the logs of a mapping hold.
 
-    data: folder of the logs; None: that of the mapping.
+    Parameters
+    ----------
+    mapping_file : str or Path
+        YAML that says what the logs' columns mean.
+    name : str
+        Of the session.
+    data : Path, optional
+        Folder of the logs; None for that of the mapping.
+
+    Returns
+    -------
+    Imported
+        Session, logs on the stage's clock [s], indentations and their contact points [mm].
+
+    Raises
+    ------
+    ImportingError
+        For logs that are of two sessions, clocks that cannot be aligned, and indentations that are cut or slip. The
+        message names the key that settles it.
+    ConfigError
+        For a mapping that is not valid.
     """
     path = Path(mapping_file)
     mapping, folder = load_import(path), data or path.parent
@@ -138,7 +158,15 @@ def import_logs(mapping_file: str | Path, name: str, data: Path | None = None) -
 
 
 def write_imported(folder: str | Path, imported: Imported) -> None:
-    """Write the session folder, and import.csv beside its tables."""
+    """Write a session's folder, and import.csv with its contact points.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The session's folder.
+    imported : Imported
+        As `import_logs` returns it.
+    """
     folder = Path(folder)
     log = pd.DataFrame(imported.force.values, columns=FORCE)
     log.insert(0, "time_s", np.round(imported.force_s, 6))

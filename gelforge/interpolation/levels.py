@@ -48,14 +48,42 @@ class Decision:
 
 
 def first_level(lattice: Lattice) -> list[str]:
-    """Return the names of the sites of level 0."""
+    """Return the names of the sites of the first level of a lattice.
+
+    Parameters
+    ----------
+    lattice : Lattice
+        As `lattice_of` returns it.
+
+    Returns
+    -------
+    list of str
+        As of `name_of`; of mirror images one.
+    """
     return [name_of(at) for at in lattice.representatives(lattice.level(0))]
 
 
 def decide(
     solved: SolvedSites, level: int, planned: Sequence[PlannedCell], tolerance: Interpolation
 ) -> Decision:
-    """Return what is to be solved after a level; planned: the plan's sites to be interpolated, of images one."""
+    """Return what is to be solved after a level of the lattice.
+
+    Parameters
+    ----------
+    solved : SolvedSites
+        What is solved so far.
+    level : int
+        The last level that was solved.
+    planned : sequence of PlannedCell
+        The plan's sites to be interpolated, of images one.
+    tolerance : Interpolation
+        Largest error bars of interpolated labels.
+
+    Returns
+    -------
+    Decision
+        Sites to be solved next, and how many labels are beyond the tolerance.
+    """
     lattice, have = solved.lattice, set(solved.sites)
     beyond: list[PlannedCell] = []
     labels, count, largest, where = 0, 0, 0.0, ""

@@ -12,7 +12,18 @@ from gelforge.report.verdict.mismatch_words import STATES
 
 
 def write_mismatch_page(folder: str | Path) -> Path:
-    """Write report.html beside verdict.json, readings.csv and body_map.csv (if made) in a folder; return its path."""
+    """Write the page of a verdict.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Holds verdict.json, readings.csv and, if made, body_map.csv.
+
+    Returns
+    -------
+    Path
+        report.html in the folder.
+    """
     results = MismatchResults(Path(folder))
     chapters = [make(results) for make in CHAPTERS]
     verdict = results.verdict

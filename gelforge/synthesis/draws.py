@@ -33,20 +33,67 @@ class Solution:
 
 
 def solution_count(study: Study) -> int:
-    """Return how many presses a study's synthesis solves: sites first, then paths."""
+    """Return how many indentations a study's synthesis solves: sites first, then paths.
+
+    Parameters
+    ----------
+    study : Study
+        With `synthesis`.
+
+    Returns
+    -------
+    int
+        Numbers from 0 up to it are those of `solution`.
+
+    Raises
+    ------
+    ConfigError
+        For a study without `synthesis`.
+    """
     return len(site_places(study)) + given(study.synthesis, "synthesis").paths
 
 
 def shard_count(study: Study) -> int:
-    """Return how many files the training rows of a study are written to."""
+    """Return how many files the training rows of a study are written to.
+
+    Parameters
+    ----------
+    study : Study
+        With `synthesis`.
+
+    Returns
+    -------
+    int
+        At least 1.
+
+    Raises
+    ------
+    ConfigError
+        For a study without `synthesis`.
+    """
     synthesis = given(study.synthesis, "synthesis")
     return math.ceil(synthesis.rows / synthesis.rows_per_shard)
 
 
 def solution(study: Study, number: int) -> Solution:
-    """Return the press of a number; the same for the same study, seed and number.
+    """Return the solved indentation of a number; the same for the same study, seed and number.
 
-    Raises ConfigError where no draw fits the sensor, or a site is too deep for it.
+    Parameters
+    ----------
+    study : Study
+        With `synthesis`.
+    number : int
+        From 0, below `solution_count`.
+
+    Returns
+    -------
+    Solution
+        Study and planned site.
+
+    Raises
+    ------
+    ConfigError
+        Where no draw fits the sensor, or a site is too deep for it.
     """
     places = site_places(study)
     return (
@@ -57,9 +104,22 @@ def solution(study: Study, number: int) -> Solution:
 
 
 def site_places(study: Study) -> np.ndarray:
-    """Return the places (n, 2) [mm] of the solved sites: denser towards the walls; of mirror images, one.
+    """Return the positions of the solved sites: denser towards the walls; of mirror images, one.
 
-    Places are none where no straight press is asked for.
+    Parameters
+    ----------
+    study : Study
+        With `synthesis`.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, 2) [mm] in the sensor frame; n is 0 where no straight indentation is required.
+
+    Raises
+    ------
+    ConfigError
+        For a study without `synthesis`.
     """
     synthesis, sensor = given(study.synthesis, "synthesis"), study.sensor
     if not (synthesis.classes.straight or synthesis.classes.light):

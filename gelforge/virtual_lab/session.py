@@ -92,7 +92,20 @@ class Bench:
 
 
 def session_cells(lab: VirtualLab, cells: Mapping[str, PlannedCell]) -> dict[str, list[str]]:
-    """Return the sites that each session visits: disjoint, all covered, by share, drawn by the sensor's serial."""
+    """Return the sites that each session visits: disjoint, all covered, by share, drawn by the sensor's serial.
+
+    Parameters
+    ----------
+    lab : VirtualLab
+        Its sessions and their shares.
+    cells : mapping of str to PlannedCell
+        Sites of the plan.
+
+    Returns
+    -------
+    dict of str to list of str
+        Names by session, in the order of the plan.
+    """
     names = np.array(list(cells), dtype=object)
     order = np.random.default_rng(serial_seed(lab.serial)).permutation(len(names))
     shares = np.cumsum([session.share for session in lab.sessions])

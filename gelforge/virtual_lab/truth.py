@@ -24,9 +24,27 @@ def true_laws(study: Study, lab: VirtualLab) -> dict[str, PrincipalLaw]:
 
 
 def simulate_truth_cell(study: Study, lab: VirtualLab, planned: PlannedCell) -> Cell:
-    """Return the site of the virtual sensor, gel displacement included.
+    """Return the site of the virtual sensor, gel displacement included: after the plan's depths it is unloaded, a path is
+    followed as planned.
 
-    After the plan's depths it is unloaded; a path is followed as planned.
+    Parameters
+    ----------
+    study : Study
+        Sensor and indenter.
+    lab : VirtualLab
+        The true mechanics.
+    planned : PlannedCell
+        The site.
+
+    Returns
+    -------
+    Cell
+        SYNTHETIC forces [N] and displacements [mm].
+
+    Raises
+    ------
+    VirtualLabError
+        For a site that cannot be recorded.
     """
     check_recordable(planned)
     trajectory = Trajectory.of(planned) if planned.follows_a_path else _down_and_up(lab, planned)

@@ -155,7 +155,7 @@ def open_source(
     Returns
     -------
     Source
-        Rows, columns, splits and manifest.
+        Manifest, rows, and indentations in the order train, validation, test.
 
     Raises
     ------

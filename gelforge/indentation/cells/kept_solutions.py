@@ -24,9 +24,25 @@ DIGITS = 16
 
 
 def solved_once(out: Path, inputs: str, solve: Callable[[], Cell], fresh: bool = False) -> tuple[Cell, str]:
-    """Return the site that is now in the file `out`, and in words whether it was solved or taken up.
+    """Return a site that is solved unless an earlier job has solved it from the same inputs.
 
-    inputs: digest of everything that decides the site. fresh: solve in any case.
+    Parameters
+    ----------
+    out : Path
+        The site's file, which is written.
+    inputs : str
+        Digest of everything that decides the site.
+    solve : callable
+        Returns the solved Cell.
+    fresh : bool
+        Solve in any case.
+
+    Returns
+    -------
+    Cell
+        What is in the file.
+    str
+        In words, whether it was solved or cached.
     """
     entry = out.parent / FOLDER / f"{out.stem}.{inputs[:DIGITS]}.h5"
     cell, words = (None, "solved anew, as asked") if fresh else _kept(entry)

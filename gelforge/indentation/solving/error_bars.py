@@ -57,10 +57,30 @@ def error_bars(
     companion: Companion,
     through: float,
 ) -> dict[str, np.ndarray]:
-    """Return the error bars of a site's totals (D, 3) and bins (D, B, 3) [N] on a grid of (ny, nx) bins.
+    """Return the error bars of a site's totals and bins: standard deviations by mesh and by material.
 
-    touched (D,): nodes in contact; through: elements between contact and base (sensor_mesh.elements_through). Depths that
-    the coarse-mesh solution did not reach take its last depth's bars, grown with the force.
+    Depths that the coarse-mesh solution did not reach take its last depth's bars, grown with the force.
+
+    Parameters
+    ----------
+    total : numpy.ndarray
+        (D, 3) [N].
+    bins : numpy.ndarray
+        (D, B, 3) [N].
+    touched : numpy.ndarray
+        (D,) nodes in contact.
+    shape : (int, int)
+        ny and nx of the grid of bins.
+    companion : Companion
+        The coarse-mesh solution.
+    through : float
+        Elements between contact and base (`elements_through`).
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        total_sigma_mesh_N and total_sigma_material_N (D, 3), bin_sigma_mesh_N and bin_sigma_material_N (D, B, 3), in
+        N. Where the coarse mesh reached no depth they are as large as the forces.
     """
     reached = len(companion.total)
     if reached == 0:

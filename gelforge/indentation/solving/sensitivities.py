@@ -123,9 +123,32 @@ def derivatives(
     variations: Mapping[str, Variation],
     solution: Solution | None = None,
 ) -> tuple[Cell, dict[str, Derivative]]:
-    """Return a site's forces, and its gel if the study stores it, with derivatives along variations, in their order.
+    """Return a site's forces with their derivatives along variations of the study.
 
-    solution: the site's own, to its end; without, or where it is one in time, the site is solved anew. Raises NotConverged.
+    Parameters
+    ----------
+    study : Study
+        The study as it is.
+    laws : mapping of str to PrincipalLaw
+        By material [MPa].
+    planned : PlannedCell
+        The site.
+    variations : mapping of str to Variation
+        Changed study, models and amount, by name.
+    solution : Solution, optional
+        The site's own, to its end. Without it, or where it is one in time, the site is solved anew.
+
+    Returns
+    -------
+    Cell
+        Forces [N], and the displacement of the gel if the study stores it.
+    dict of str to Derivative
+        By variation, in their order, per unit of its amount.
+
+    Raises
+    ------
+    NotConverged
+        Where a depth was not reached.
     """
     study = unmirrored(study)
     if solution and not solution.followed.steps:
@@ -251,9 +274,31 @@ def _at_its_place(base: Model, state: State, slope: np.ndarray, carried: np.ndar
 def subtracted(
     base: Cell, laws: Mapping[str, PrincipalLaw], planned: PlannedCell, variation: Variation
 ) -> Derivative:
-    """Return the difference of two solutions: the varied one less the base, or less what it is to be compared with.
+    """Return a derivative as the difference of two solutions: the varied one less the base, or less what it is to be
+    compared with.
 
-    Raises NotConverged, and ConfigError where one has other gel nodes than the base.
+    Parameters
+    ----------
+    base : Cell
+        The solved site.
+    laws : mapping of str to PrincipalLaw
+        By material [MPa], of the base.
+    planned : PlannedCell
+        The site.
+    variation : Variation
+        Changed study, models and amount.
+
+    Returns
+    -------
+    Derivative
+        Per unit of the variation's amount.
+
+    Raises
+    ------
+    NotConverged
+        Where a depth was not reached.
+    ConfigError
+        Where one solution has other gel nodes than the base.
     """
     clock = time.perf_counter()
     with_it = _solved(variation.study, variation.laws, planned)

@@ -145,11 +145,35 @@ def predict_frames(
     camera: Camera | None = None,
     plane_z_mm: float | None = None,
 ) -> Iterator[Prediction]:
-    """Yield the prediction of each frame, against a zero-force frame or else the first one.
+    """Yield the prediction of each frame.
 
-    Every frame is read, reduced and predicted anew. The first frame pays for what is set up once (search buffers,
-    first call of the network). Raises ImageError for a frame of another size than the reference or than the images that
-    the model learnt from. With a camera, frames are remapped to the model's view where it differs (see `remap_to`).
+    Every frame is read, reduced and predicted anew. The first one pays for what is set up once (search buffers, first call
+    of the network).
+
+    Parameters
+    ----------
+    predictor : Predictor
+        A loaded model.
+    frames : iterable of Frame
+        As `frames` yields them.
+    reference : numpy.ndarray, optional
+        (H, W) uint8 zero-force frame; None for the first frame.
+    crop_px : list of int, optional
+        Left, top, width and height [px].
+    camera : Camera, optional
+        Frames are remapped to the model's view where it differs (`remap_to`).
+    plane_z_mm : float, optional
+        Height of the plane [mm, sensor frame] that both views show alike.
+
+    Yields
+    ------
+    Prediction
+        Forces of the bins (B, 3) [N] with their intervals.
+
+    Raises
+    ------
+    ImageError
+        For a frame of another size than the reference, or than the images that the model learnt from.
     """
     settings = predictor.features
     extract, source, first = None, iter(frames), True

@@ -63,11 +63,35 @@ def predict_test_rows(
     threads: int = 2,
     truth: Truth | None = None,
 ) -> int:
-    """Write the predictions of every row that tests, the network's and the baselines', and return how many rows.
+    """Write the predictions of every row that tests, the network's and the baselines'.
 
     The network's of rows that it was trained on are written too: one image of each indentation, at most TRAINING_ROWS. The
-    baselines are fitted here, on the rows that the network was trained on. truth: of the recordings, where a virtual lab
-    made them.
+    baselines are fitted here, on the rows that the network was trained on.
+
+    Parameters
+    ----------
+    model_path : str or Path
+        model.pt.
+    sets : LearningSets
+        Shards and their splits.
+    study : Study
+        Sensor, features and learning.
+    out : str or Path
+        HDF5 file.
+    threads : int
+        Of PyTorch.
+    truth : Truth, optional
+        Of the recordings, where a virtual lab made them.
+
+    Returns
+    -------
+    int
+        Number of rows.
+
+    Raises
+    ------
+    ModelError
+        For a model that is damaged or of other features.
     """
     torch.set_num_threads(threads)
     model = load_model(model_path)

@@ -23,10 +23,24 @@ class Contact:
 
 
 def contacts(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> list[Contact]:
-    """Return the contacts of one distribution (B, 3) [N], the strongest first.
+    """Return the contacts of one force distribution, the strongest first.
 
     A contact is a connected region of bins with a force, or a part of it that bins with little pressure divide from
     another; bins between go to the nearest. It counts where its sum presses.
+
+    Parameters
+    ----------
+    force : numpy.ndarray
+        (B, 3) [N], bin k = nx iy + ix.
+    nx, ny : int
+        Bins along x and y.
+    width_mm : numpy.ndarray
+        (2,) of the rectangle of the bins.
+
+    Returns
+    -------
+    list of Contact
+        Force [N], centre [mm] and bins of each.
     """
     field = force.reshape(ny, nx, 3)
     _, regions = _connected((field != 0).any(axis=2))

@@ -170,7 +170,20 @@ def _by_key(settings: dict) -> dict:
 def load_model(path: str | Path) -> Model:
     """Return a saved model, ready to predict.
 
-    Raises ModelError naming the file for one that is damaged, or whose numbers are no trained network's.
+    Parameters
+    ----------
+    path : str or Path
+        model.pt of a study.
+
+    Returns
+    -------
+    Model
+        Network, scaling, settings, thresholds and intervals.
+
+    Raises
+    ------
+    ModelError
+        For a file that is missing or damaged, or whose numbers are no trained network's.
     """
     if not Path(path).exists():
         raise ModelError(f"{path}: no such file; a study's model is results/<study>/model/model.pt")

@@ -56,9 +56,21 @@ def find_zero(force: np.ndarray, true: np.ndarray, untouched: np.ndarray, grid: 
 
 
 def centre_of_pressure(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> np.ndarray:
-    """Return the centre of pressure (n, 2) [mm] of distributions (n, B, 3): moment of the vertical forces over their sum.
+    """Return the centre of pressure of force distributions: moment of the vertical forces over their sum.
 
-    NaN where the sensor is not pressed, that is where the sum is not negative.
+    Parameters
+    ----------
+    force : numpy.ndarray
+        (n, B, 3) [N], bin k = nx iy + ix.
+    nx, ny : int
+        Bins along x and y.
+    width_mm : numpy.ndarray
+        (2,) of the rectangle of the bins.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, 2) [mm]; NaN where the sum of vertical forces is not negative.
     """
     x = (np.arange(nx * ny) % nx + 0.5) * width_mm[0] / nx
     y = (np.arange(nx * ny) // nx + 0.5) * width_mm[1] / ny

@@ -36,9 +36,21 @@ def mean_of(values) -> Mean:
 
 
 def row_noise(values: np.ndarray, least: int = 5) -> float:
-    """Return the standard deviation of one row about the line through its neighbours (robust), 0 for fewer rows than least.
+    """Return the standard deviation of one row about the line through its neighbours, by a robust scatter.
 
     The deviation of a row from its neighbours' mean has 3/2 of the variance of a row.
+
+    Parameters
+    ----------
+    values : numpy.ndarray
+        (n,) evenly spaced.
+    least : int
+        Fewer rows give 0.
+
+    Returns
+    -------
+    float
+        In the unit of the values.
     """
     if len(values) < least:
         return 0.0

@@ -128,7 +128,20 @@ def _moved(material: MaterialLaw, move: np.ndarray, amount: float) -> tuple[Prin
 
 
 def write_law(path: str | Path, material: MaterialLaw) -> None:
-    """Write law.json, whole or not at all."""
+    """Write law.json, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    material : MaterialLaw
+        Model [MPa], covariance, tested range and notes.
+
+    Raises
+    ------
+    FileError
+        For a full disk; what was there before stays.
+    """
     law, covariance, family = material.law, material.covariance, material.family
     content = {
         "format": FORMAT,

@@ -50,7 +50,22 @@ class MaterialSource:
 def read_sources(sources: list[Path], mapping: Path | None = None) -> list[MaterialSource]:
     """Return the materials found in folders and files, in the order of their names.
 
-    With a mapping (YAML) any table is read; without, folders with samples.csv or small tests. Raises TableError.
+    Parameters
+    ----------
+    sources : list of Path
+        Folders and files of material tests.
+    mapping : Path, optional
+        YAML that says what the columns of any table mean; without it folders with samples.csv or small tests are read.
+
+    Returns
+    -------
+    list of MaterialSource
+        Tests, small tests and files of each material.
+
+    Raises
+    ------
+    TableError
+        For a table that cannot be read or cannot be true. The message names file, row, value and remedy.
     """
     declared = load_mapping(mapping) if mapping else None
     found: dict[str, MaterialSource] = {}
@@ -68,7 +83,27 @@ def read_sources(sources: list[Path], mapping: Path | None = None) -> list[Mater
 
 
 def source_of(name: str, folder: Path, mapping: Path | None = None) -> MaterialSource:
-    """Return the one material of a study in a folder: the only one there, or the one of that name."""
+    """Return the one material of a study in a folder: the only one there, or the one of that name.
+
+    Parameters
+    ----------
+    name : str
+        Of the material in the study.
+    folder : Path
+        Of its tests.
+    mapping : Path, optional
+        As of `read_sources`.
+
+    Returns
+    -------
+    MaterialSource
+        Under the study's name.
+
+    Raises
+    ------
+    TableError
+        Where the folder holds several materials and none of that name, and as `read_sources`.
+    """
     materials = read_sources([folder], mapping)
     chosen = materials if len(materials) == 1 else [m for m in materials if m.name == name]
     if not chosen:

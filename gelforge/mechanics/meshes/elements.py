@@ -159,10 +159,22 @@ def quadratic_tetrahedra(X: np.ndarray, tetrahedra: np.ndarray) -> tuple[np.ndar
 
 
 def lumped_area(X: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the share (N,) [mm^2] of the faces (F, 4) or (F, 6) that belongs to each node of X (N, 3).
+    """Return the share of faces that belongs to each node.
 
     A four-sided face is a rectangle, a quarter to each corner. A six-node triangle is four flat ones, a third of each to
-    its corners: all shares are positive, over a flat face a linear traction keeps its force, a uniform one its moment too.
+    its corners: all shares are positive. Over a flat face a linear traction keeps its force, a uniform one its moment too.
+
+    Parameters
+    ----------
+    X : numpy.ndarray
+        (N, 3) [mm] nodes.
+    faces : numpy.ndarray
+        (F, 4) or (F, 6) int, rows of nodes.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N,) [mm^2]; they sum to the area of the faces.
     """
     area = np.zeros(len(X))
     if faces.shape[1] == 4:

@@ -29,8 +29,8 @@ class Frame:
 def images_in(folder: Path) -> list[Path]:
     """Return the images of a folder by the numbers in their names: frame_2 before frame_10, 1.25 before 1.5.
 
-    Where the part after a point counts, as in cam1.2 and cam1.10, it is a number of its own. Decimal fractions are known
-    by fewer digits where the last is zero, and by steps that are not whole.
+    Digits after a point that count on, as in cam1.2 and cam1.10, are a number of their own. They do where they have several
+    widths, and a longer one ends in zero or all rise by equal steps.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def frames(source: str | Path | int) -> Iterator[Frame]:
     Yields
     ------
     Frame
-        Image (H, W) or (H, W, 3) uint8, name, and time [s] where the source has one.
+        Image (H, W) uint8 in grey levels, name, and time [s] since the first frame; NaN for a folder.
 
     Raises
     ------
