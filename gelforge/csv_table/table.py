@@ -147,27 +147,7 @@ def read_columns(
     optional_texts: Sequence[str] = (),
     form: CsvForm = CsvForm(),
 ) -> tuple[list[int], dict[str, list]]:
-    """Return the columns of a CSV file without pandas, checked as by `read_csv`.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    numbers, optional_numbers, texts, optional_texts, form
-        As of `read_csv`.
-
-    Returns
-    -------
-    list of int
-        Line number of each row.
-    dict of str to list
-        Values by column: float for numbers, str for texts.
-
-    Raises
-    ------
-    TableError
-        As `read_csv`.
-    """
+    """Return the rows' line numbers and the columns, float for numbers and str for texts, checked as by `read_csv`."""
     path = Path(path)
     header, signs, rows = _split(path, form, [*numbers, *texts])
     if form.header and form.units_row is not False:

@@ -330,8 +330,7 @@ def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
     Raises
     ------
     ConfigError
-        For positions outside the sensor, indentations that pierce it or sink the indenter, and indenters that pass
-        between nodes. The message names the site, value, limit and remedy.
+        For the first site outside the sensor, too deep, or between nodes; names site, value, limit and remedy.
     """
     sensor, effects = study.sensor, study.mechanics.effects
     check_sensor_size(sensor)
