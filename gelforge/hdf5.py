@@ -114,8 +114,8 @@ def opened(
         if not errno_of(error):
             raise kind(f"{path}: no HDF5 file; {remedy}") from None
         raise kind(f"{path}: complete, but cannot be opened: {why_not_read(error)}") from None
-    found = file.attrs.get("format")
-    if expected is not None and found != expected:
+    stated = file.attrs.get("format")
+    if expected is not None and stated != expected:
         file.close()
-        raise kind(f"{path}: format {found!r}, expected {expected!r}; {remedy}")
+        raise kind(f"{path}: format {stated!r}, expected {expected!r}; {remedy}")
     return file

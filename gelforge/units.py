@@ -142,10 +142,10 @@ def unit_in_header(column: str) -> str | None:
     str or None
         A key of UNITS; None where it names none.
     """
-    found = re.search(
+    match = re.search(
         r"[\[({]\s*([^\[\](){}]+?)\s*[\])}]\s*$|_([A-Za-z]{1,3})$|(?: /| in|,) ?(\S+)\s*$", column
     )
-    return unit_named(next(filter(None, found.groups()))) if found else None
+    return unit_named(next(filter(None, match.groups()))) if match else None
 
 
 def looks_like_a_unit(text: str) -> bool:

@@ -143,13 +143,13 @@ def press_slopes(
         else _place_varied(base, laws, (x_mm, y_mm), name, share)
         for name in wanted
     }
-    cell, found = derivatives(base, laws, planned, variations)
+    cell, slopes = derivatives(base, laws, planned, variations)
     return PressSlopes(
         depth_mm * share,
         cell.arrays["total_force_N"],
         cell.arrays["bin_force_N"],
-        {name: slope.total for name, slope in found.items()},
-        {name: slope.bins for name, slope in found.items()},
+        {name: slope.total for name, slope in slopes.items()},
+        {name: slope.bins for name, slope in slopes.items()},
     )
 
 

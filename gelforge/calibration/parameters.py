@@ -198,8 +198,8 @@ def names_of(study: Study) -> list[str]:
     """Return the parameters that a study's sensor has."""
     kinds = [(name, kind) for name, kind in KINDS.items() if kind.applies(study)]
     layers = [layer.name for layer in study.sensor.layers]
-    found = [f"{layer}.{name}" for layer in layers for name, kind in kinds if kind.per_layer]
-    return found + [name for name, kind in kinds if not kind.per_layer]
+    per_layer = [f"{layer}.{name}" for layer in layers for name, kind in kinds if kind.per_layer]
+    return per_layer + [name for name, kind in kinds if not kind.per_layer]
 
 
 def free_of(study: Study, laws: Laws, names: Sequence[str], priors: Mapping[str, Prior]) -> list[Free]:
@@ -209,12 +209,12 @@ def free_of(study: Study, laws: Laws, names: Sequence[str], priors: Mapping[str,
         raise ConfigError(f"no parameter {wrong} of this sensor; it has {', '.join(offered)}")
     if unused := sorted(set(priors) - set(names)):
         raise ConfigError(f"--prior {unused}: not among --free; add it there")
-    found = [_free(study, laws, name, priors.get(name)) for name in dict.fromkeys(names)]
+    parameters = [_free(study, laws, name, priors.get(name)) for name in dict.fromkeys(names)]
     for kind in MATERIAL_KINDS:
-        own = [one.material for one in found if one.name.endswith(f".{kind}")]
+        own = [one.material for one in parameters if one.name.endswith(f".{kind}")]
         if len(own) > len(set(own)):
             raise ConfigError(f"two layers of one material have one {kind}; name one of them in --free")
-    return found
+    return parameters
 
 
 def _free(study: Study, laws: Laws, name: str, prior: Prior | None) -> Free:

@@ -66,11 +66,11 @@ def prior_of(name: str, text: str) -> Prior:
     ConfigError
         For another text.
     """
-    if found := HARDNESS.fullmatch(text.strip()):
-        scale = found[1].lower().replace("o", "0")
+    if hardness := HARDNESS.fullmatch(text.strip()):
+        scale = hardness[1].lower().replace("o", "0")
         if not name.endswith(".modulus"):
             raise ConfigError(f"--prior {name}={text}: a hardness says something of a modulus; give LOW:HIGH")
-        E = youngs_modulus_kPa(scale, float(found[2]))
+        E = youngs_modulus_kPa(scale, float(hardness[2]))
         return Prior(E / HARDNESS_FACTOR, E * HARDNESS_FACTOR, f"Shore {text}, {SOURCES[scale]}")
     try:
         low, high = (float(part) for part in text.split(":"))

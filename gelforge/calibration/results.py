@@ -128,14 +128,14 @@ def calibrated_materials(
 ) -> dict[str, MaterialLaw]:
     """Return the constitutive models with calibrated parameters, with the covariance of these."""
     names = list(dict.fromkeys(one.material for one in fit.free if one.material))
-    found = {}
+    calibrated = {}
     for name in names:
         own = [k for k, one in enumerate(fit.free) if one.material == name]
         factors = [{kind_of(fit.free[k].name): fit.free[k].value(fit.a[k]) / fit.free[k].start} for k in own]
         at = {kind: 1.0 for kind in MATERIAL_KINDS} | {key: v for one in factors for key, v in one.items()}
         law = scaled(materials[name].law, at)
         J = np.column_stack([_slope(materials[name].law, at, kind) for one in factors for kind in one])
-        found[name] = replace(
+        calibrated[name] = replace(
             MaterialLaw(name, law, inputs),
             covariance=J @ fit.covariance[np.ix_(own, own)] @ J.T,
             covariance_from=f"posterior of {', '.join(fit.free[k].name for k in own)} by the presses of {title}",
@@ -147,7 +147,7 @@ def calibrated_materials(
             if len(fit.free) > len(own)
             else (),
         )
-    return found
+    return calibrated
 
 
 def scaled(law: PrincipalLaw, factors: Mapping[str, float]) -> PrincipalLaw:

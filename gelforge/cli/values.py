@@ -19,7 +19,7 @@ def study_names(*_, **__) -> dict[str, Path]:
     """
     files = (path for path in sorted(CONFIG.glob("*.yaml")) if path.is_file())
     texts = ((path, path.read_bytes().decode("utf-8", "replace")) for path in files)
-    return {found[1]: path for path, text in texts if (found := STUDY_KEY.search(text))}
+    return {match[1]: path for path, text in texts if (match := STUDY_KEY.search(text))}
 
 
 def study_file(text: str) -> Path:

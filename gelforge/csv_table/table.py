@@ -261,15 +261,15 @@ def _other_separator(
     It is the one by which a line holds all columns needed or, of a table of one column, the one that `csv.Sniffer` sees.
     """
     others = [sign for sign in SEPARATORS if sign != used]
-    found = next((s for s in others if any(names_all(line, s, needed) for line in lines)), None)
-    if found is None and len(header) > 1:
+    separator = next((s for s in others if any(names_all(line, s, needed) for line in lines)), None)
+    if separator is None and len(header) > 1:
         return ""
-    if found is None:
+    if separator is None:
         try:
-            found = csv.Sniffer().sniff("\n".join(lines), "".join(others)).delimiter
+            separator = csv.Sniffer().sniff("\n".join(lines), "".join(others)).delimiter
         except csv.Error:
             return ""
-    name, key = SEPARATORS[found]
+    name, key = SEPARATORS[separator]
     seen = f"{' in one column' if len(header) == 1 else ''}: the values seem to be separated by {name}s"
     if form.separator is None or key is None:
         return f"{seen}, save the table with commas or semicolons"
@@ -279,12 +279,12 @@ def _other_separator(
 def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[str]) -> int:
     """Return the number from 0 of the header line; without a header that of the first row."""
     if form.header_begins_with is not None:
-        found = [i for i, line in enumerate(lines) if line.strip().startswith(form.header_begins_with)]
-        if not found:
+        headers = [i for i, line in enumerate(lines) if line.strip().startswith(form.header_begins_with)]
+        if not headers:
             raise TableError(
                 f"{path}: no line begins with {form.header_begins_with!r}; correct `header_begins_with`"
             )
-        return found[0]
+        return headers[0]
     candidates = (
         i
         for i, line in enumerate(lines)
@@ -364,10 +364,10 @@ def _drop_units(path: Path, header: list[str], rows: list, form: CsvForm, number
     if not recognised and not form.units_row:
         return
     for name, unit in form.units.items():
-        found = unit_named(said.get(name, ""))
-        if found is not None and found != unit_named(unit):
+        stated = unit_named(said.get(name, ""))
+        if stated is not None and stated != unit_named(unit):
             raise TableError(
-                f"{path}, row {line}: {name} is in {said[name]}, the mapping declares {unit}; set `unit: {found}`, or"
+                f"{path}, row {line}: {name} is in {said[name]}, the mapping declares {unit}; set `unit: {stated}`, or"
                 " correct the file's line of units"
             )
     del rows[1]

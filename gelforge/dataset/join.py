@@ -114,12 +114,12 @@ def join_shard(
 def _checked_cell(path: str | Path, planned: PlannedCell, bins: int, expected: str | None) -> Cell:
     """Return a site's label arrays after checking that they belong to the plan and to the present settings."""
     cell = read_cell(path, ["depth_mm", "total_force_N", "bin_force_N"], ERROR_BARS)
-    found = cell.attributes
+    attributes = cell.attributes
     check_digest(path, planned.name, cell, expected)
-    gap = max(abs(found["x_mm"] - planned.x_mm), abs(found["y_mm"] - planned.y_mm))
+    gap = max(abs(attributes["x_mm"] - planned.x_mm), abs(attributes["y_mm"] - planned.y_mm))
     if gap > 1e-6:  # the plan is rounded to 1e-6 mm
         raise DatasetError(
-            f"{path}: site {planned.name} lies at ({found['x_mm']}, {found['y_mm']}) mm, the plan has "
+            f"{path}: site {planned.name} lies at ({attributes['x_mm']}, {attributes['y_mm']}) mm, the plan has "
             f"({planned.x_mm}, {planned.y_mm}) mm; simulate it again"
         )
     if cell.converged:
@@ -235,12 +235,12 @@ def _session_rows(
     with open_features(path) as file:
         for press, rows in pressed.items():
             steps = _steps(path, press, rows, planned)
-            found = {step: labels(press, step) for step in sorted(set(steps))}
-            reason = next((label for label in found.values() if isinstance(label, str)), "")
+            labels_of = {step: labels(press, step) for step in sorted(set(steps))}
+            reason = next((label for label in labels_of.values() if isinstance(label, str)), "")
             if reason:
                 about.setdefault("failed_presses", {})[press] = reason
             else:
-                known = {step: label for step, label in found.items() if not isinstance(label, str)}
+                known = {step: label for step, label in labels_of.items() if not isinstance(label, str)}
                 of_row = [known[step] for step in steps]
                 block = _image_rows(file, f"{path}: indentation {press}", rows, of_row)
                 block["press"], block["session"] = (np.full(len(steps), n, object) for n in (press, session))

@@ -85,8 +85,8 @@ def raw_files(study: Study) -> Iterable[Path]:
     """Return the raw files of a study in order: material tests, then recordings; hidden files are not among them."""
     folders = [material.tests for material in study.materials.values() if material.tests]
     folders += [study.session_folder(session) for session in study.sessions]
-    found = {path for folder in folders for path in Path(folder).rglob("*") if path.is_file()}
-    files = sorted(path for path in found if not path.name.startswith("."))
+    paths = {path for folder in folders for path in Path(folder).rglob("*") if path.is_file()}
+    files = sorted(path for path in paths if not path.name.startswith("."))
     files += [material.file for material in study.materials.values() if material.file]
     return files + ([study.plan.file] if study.plan.file else [])
 

@@ -199,13 +199,13 @@ def lineage(path: str | Path, row: int) -> dict:
         known = {
             name: _values(file[name], row) for name in file if file[name].ndim == 1 or name == "position_mm"
         }
-    found = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in known.items()}
-    recording = {} if attributes["labels_only"] else dict(attributes["sessions"][found["session"]])
-    session_label = recording.pop("presses", None) or recording.pop("cells", {}).get(found["cell"])
-    label = session_label or attributes["cells"][found["cell"]]
-    found.update(
+    plain = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in known.items()}
+    recording = {} if attributes["labels_only"] else dict(attributes["sessions"][plain["session"]])
+    session_label = recording.pop("presses", None) or recording.pop("cells", {}).get(plain["cell"])
+    label = session_label or attributes["cells"][plain["cell"]]
+    plain.update(
         shard=str(path), row=row, synthetic=attributes["synthetic"], study=attributes["study"], label=label
     )
     if recording:
-        found["recording"] = recording
-    return found
+        plain["recording"] = recording
+    return plain

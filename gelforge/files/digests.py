@@ -69,8 +69,8 @@ def source_digest(*parts: str) -> str:
     for part in parts:
         if not (package / part).exists():
             raise ValueError(f"{part} is no file or folder of gelforge; name it where it is now")
-        found = sorted((package / part).rglob("*")) if (package / part).is_dir() else [package / part]
-        for path in found:
+        files = sorted((package / part).rglob("*")) if (package / part).is_dir() else [package / part]
+        for path in files:
             hidden = any(name.startswith((".", "__pycache__")) for name in path.relative_to(package).parts)
             if hidden or not path.is_file():
                 continue

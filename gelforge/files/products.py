@@ -196,9 +196,9 @@ def check_table_inputs(
     """
     check_seal(path, remedy, kind)
     with open(path, encoding="utf-8") as file:
-        found = re.search(r"inputs:([0-9a-f]+)", file.readline())
-    if found is None or found[1] != expected:
-        stated = found[1][:12] if found else "none"
+        stated_inputs = re.search(r"inputs:([0-9a-f]+)", file.readline())
+    if stated_inputs is None or stated_inputs[1] != expected:
+        stated = stated_inputs[1][:12] if stated_inputs else "none"
         raise kind(
             f"{path}: made from other inputs than those of this study (digest {stated}, expected {expected[:12]}); {remedy}"
         )

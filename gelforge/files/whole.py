@@ -118,8 +118,8 @@ def remove_orphans(folder: Path) -> None:
 @cache
 def _swept(process: int, folder: Path) -> None:
     for path in folder.glob(".*.tmp*"):
-        found = re.search(r"\.([^.]+)-(\d+)-(\d+)\.tmp(\.[^.]*)?$", path.name)
-        if not found or _lives(path, found[1], int(found[2]), int(found[3])):
+        match = re.search(r"\.([^.]+)-(\d+)-(\d+)\.tmp(\.[^.]*)?$", path.name)
+        if not match or _lives(path, match[1], int(match[2]), int(match[3])):
             continue
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)

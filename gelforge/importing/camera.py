@@ -191,9 +191,9 @@ def _times_in_names(path: Path, source: CameraSource, names: list[str]) -> np.nd
     times = np.empty(len(names))
     pattern, factor = given(source.from_name, "camera.from_name"), UNITS[known_unit(source.name_unit)][1]
     for i, name in enumerate(names):
-        found = re.search(pattern, name)
+        match = re.search(pattern, name)
         try:
-            times[i] = float(found.group(1) if found else "") * factor
+            times[i] = float(match.group(1) if match else "") * factor
         except (ValueError, TypeError):
             raise ImportingError(
                 f"{path / name}: camera.from_name {source.from_name!r} finds no number in this name; correct the pattern"

@@ -161,7 +161,7 @@ def _finer_level(depth: np.ndarray, height: np.ndarray, level: float, lag: float
     return best[1], best[2]
 
 
-def _refuse_unlike(depth, times, signal, found: float, what: str, key: str) -> None:
+def _refuse_unlike(depth, times, signal, best: float, what: str, key: str) -> None:
     """Raise ImportingError for a signal that does not follow the stage, or does so better with another sign."""
     signs = {"stage.pressing": (-1, 1)}
     if key == "force":
@@ -171,14 +171,14 @@ def _refuse_unlike(depth, times, signal, found: float, what: str, key: str) -> N
         named: _best_level(way * depth, rise(times, sign * signal))[0] for named, (way, sign) in signs.items()
     }
     named = max(others, key=others.__getitem__)
-    if others[named] > max(found, LEAST_CORRELATION):
+    if others[named] > max(best, LEAST_CORRELATION):
         raise ImportingError(
-            f"{what}: follows the stage with another sign (correlation {others[named]:.2f}, as declared {found:.2f});"
+            f"{what}: follows the stage with another sign (correlation {others[named]:.2f}, as declared {best:.2f});"
             f" correct {named}"
         )
-    if found < LEAST_CORRELATION:
+    if best < LEAST_CORRELATION:
         raise ImportingError(
-            f"{what}: does not follow the stage (correlation {found:.2f}, at least {LEAST_CORRELATION} is needed); name the"
+            f"{what}: does not follow the stage (correlation {best:.2f}, at least {LEAST_CORRELATION} is needed); name the"
             f" {key} log of this session and its columns"
         )
 

@@ -114,19 +114,19 @@ def import_logs(mapping_file: str | Path, name: str, data: Path | None = None) -
     stage = read_stage(folder, mapping.stage, mapping.force)
     force = read_force(folder, mapping.force, mapping.stage)
     film = read_film(folder, mapping.camera) if mapping.camera else None
-    found = excursions(stage.time_s, stage.values, mapping.least_retreat_mm, mapping.least_dwell_s)
+    moves = excursions(stage.time_s, stage.values, mapping.least_retreat_mm, mapping.least_dwell_s)
     push = -force_on_sensor(force.values, session.force)[:, 2]
-    clock = _aligned(stage, found, force, push, mapping.force, "force", None, mapping.stage)
+    clock = _aligned(stage, moves, force, push, mapping.force, "force", None, mapping.stage)
     force_s, camera_clock, frames = clock.law.on_stage(force.time_s), None, None
     if film and mapping.camera:
         source = Stream(film.path, film.start_s, film.time_s, film.change[:, None])
         camera_clock = _aligned(
-            stage, found, source, film.change, mapping.camera, "camera", clock.match.contact_mm, mapping.stage
+            stage, moves, source, film.change, mapping.camera, "camera", clock.match.contact_mm, mapping.stage
         )
         frames = Frames(film, camera_clock.law.on_stage(film.time_s))
     presses = find_presses(
         stage,
-        found,
+        moves,
         force_s,
         push,
         clock.match.contact_mm,
@@ -153,7 +153,7 @@ def import_logs(mapping_file: str | Path, name: str, data: Path | None = None) -
     keys = {"depth_zero": found_zero, "stage_to_sensor": found_stage, "notes": notes}
     session = _session(mapping, name, keys, str(path))
     return Imported(
-        mapping, session, stage, found, force, force_s, push, clock, film, frames, camera_clock, presses, zero, table, images
+        mapping, session, stage, moves, force, force_s, push, clock, film, frames, camera_clock, presses, zero, table, images
     )  # fmt: skip
 
 
@@ -174,21 +174,21 @@ def write_imported(folder: str | Path, imported: Imported) -> None:
     imported.contacts.to_csv(folder / "import.csv", index=False, float_format="%.6g")
 
 
-def _session(mapping: ImportMapping, name: str, found: dict[str, Any], source: str) -> Session:
+def _session(mapping: ImportMapping, name: str, keys: dict[str, Any], source: str) -> Session:
     """Return session.yaml: what the mapping says holds before what was found."""
     said = dict(mapping.session)
     stage = {key: value for key, value in (said.get("stage_to_sensor") or {}).items() if value is not None}
     both = {
-        "depth_zero": {**found.get("depth_zero", {}), **(said.get("depth_zero") or {})},
-        "stage_to_sensor": {**found.get("stage_to_sensor", {}), **stage},
+        "depth_zero": {**keys.get("depth_zero", {}), **(said.get("depth_zero") or {})},
+        "stage_to_sensor": {**keys.get("stage_to_sensor", {}), **stage},
     }
-    notes = "; ".join(text for text in (str(said.get("notes") or ""), found.get("notes", "")) if text)
+    notes = "; ".join(text for text in (str(said.get("notes") or ""), keys.get("notes", "")) if text)
     return section_from(Session, {**said, **both, "session": name, "notes": notes}, f"{source}: session")
 
 
 def _aligned(
     stage: Stream,
-    found: list[Excursion],
+    moves: list[Excursion],
     log: Stream,
     signal: np.ndarray,
     clock: Clock,
@@ -203,11 +203,11 @@ def _aligned(
 
     def refine(match: Match) -> float:
         contact = match.contact_mm if level is None else level
-        return refined_lag(find_bends(moved, found, shown, match, contact), match.lag_s)
+        return refined_lag(find_bends(moved, moves, shown, match, contact), match.lag_s)
 
     match = coarse_match(moved, shown, what, key, start, known, refine)
     contact = match.contact_mm if level is None else level
-    bends = find_bends(moved, found, shown, match, contact)
+    bends = find_bends(moved, moves, shown, match, contact)
     # of a log without stamps of its own None: rows of it may be lost without a trace
     stamps = (log.time_s if stamped(clock) else None, stage.time_s if stamped(stage_clock) else None)
     return Aligned(match, clock_law(bends, known, clock.drift, what, key, stamps), bends, start)
@@ -220,7 +220,7 @@ def stamped(clock: Clock | StageSource) -> bool:
 
 def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:
     """Return the keys of session.yaml's depth_zero: how it was found, and its scatter [mm]."""
-    found = np.array([press.contact.travel_mm for press in presses.kept])
+    contacts_mm = np.array([press.contact.travel_mm for press in presses.kept])
     own = float(np.median([press.contact.sd_mm for press in presses.kept]))
     if mapping.depth_zero == "press":
         return {
@@ -228,14 +228,14 @@ def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:
             "how": "contact point of each indentation, from force over travel",
             "press_scatter_mm": round(own, 5),
         }
-    spread = float(np.std(found, ddof=1)) if len(found) > 1 else own
+    spread = float(np.std(contacts_mm, ddof=1)) if len(contacts_mm) > 1 else own
     # What the points scatter by beyond the errors they were found with is that of the surface and the stage.
-    beyond = max(spread**2 - own**2, spread**2 / len(found))
+    beyond = max(spread**2 - own**2, spread**2 / len(contacts_mm))
     keys = {"by": "session", "press_scatter_mm": round(float(np.sqrt(beyond)), 5)}
     if isinstance(mapping.depth_zero, Surface):
         return keys | {"how": f"the laboratory's own, at {mapping.depth_zero.at_mm:g} mm of the stage"}
-    how = f"median contact point of {len(found)} indentations, from force over travel"
-    return keys | {"how": how, "session_scatter_mm": round(spread / np.sqrt(len(found)), 5)}
+    how = f"median contact point of {len(contacts_mm)} indentations, from force over travel"
+    return keys | {"how": how, "session_scatter_mm": round(spread / np.sqrt(len(contacts_mm)), 5)}
 
 
 def _notes(mapping: ImportMapping, force: Aligned, camera: Aligned | None, presses: Presses) -> str:

@@ -23,11 +23,11 @@ VIDEO = {"h264": ".h264", "h265": ".h265"}  # bare streams, which OpenCV reads f
 
 def message_images(path: Path, topic: str | None, key: str) -> Iterator[tuple[str, float, np.ndarray]]:
     """Yield name, stamp [s] and image (H, W) or (H, W, 3) BGR uint8 of every message of a topic."""
-    found = messages(path, topic, key)
-    for number, (received, message) in enumerate(found):
+    records = messages(path, topic, key)
+    for number, (received, message) in enumerate(records):
         form = str(_get(message, "format", ""))
         if form in VIDEO:
-            yield from _video(path, topic, VIDEO[form], (received, message), found)
+            yield from _video(path, topic, VIDEO[form], (received, message), records)
             return
         name = f"{topic}#{number}"
         yield name, _stamp(message, received), _image(path, name, message, form)

@@ -77,8 +77,8 @@ def field(message: Any, name: str) -> Any:
 
 def _number_in(message: Any, name: str, path: Path, topic: str | None) -> float:
     try:
-        found = field(message, name)
-        return seconds(found) if _is_stamp(found) else float(found)
+        value = field(message, name)
+        return seconds(value) if _is_stamp(value) else float(value)
     except (LookupError, TypeError, ValueError):
         raise ImportingError(
             f"{path}: a message of {topic} has no number {name!r}, its fields are {', '.join(_names(message))}; name a field"

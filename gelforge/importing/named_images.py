@@ -35,12 +35,12 @@ def named_readings(folder: Path, images: NamedImages) -> pd.DataFrame:
     for file in images_in(path):
         if file.name == images.reference:
             continue
-        found = expression.fullmatch(file.name)
-        if not found:
+        match = expression.fullmatch(file.name)
+        if not match:
             raise ImportingError(
                 f"{file}: is not of the form {images.names!r}; correct images.names, or take the file away"
             )
-        texts = dict(zip(names, found.groups()))
+        texts = dict(zip(names, match.groups()))
         row = {name: float(texts[name]) * factor for name, factor in factors.items()}
         rows.append(row | {"press": texts.get("press", ""), "path": file})
     if not rows:

@@ -57,7 +57,7 @@ class Presses:
 
 def find_presses(
     stage: Stream,
-    found: list[Excursion],
+    moves: list[Excursion],
     force_s: np.ndarray,
     push: np.ndarray,
     level_mm: float,
@@ -71,7 +71,7 @@ def find_presses(
     indentation and the key that settles it.
     """
     smooth, threshold = _above_rest(force_s, push)
-    merged = _merged(stage, found, force_s, smooth, threshold)
+    merged = _merged(stage, moves, force_s, smooth, threshold)
     travel_at = np.interp(force_s, stage.time_s, stage.values[:, 2])
     kept, left_out, untouched, number, before_s = [], [], [], 0, -np.inf
     gaps = np.flatnonzero(np.diff(force_s) > gap_limit_s(force_s))  # rows before them
@@ -141,10 +141,10 @@ def _above_rest(force_s, push) -> tuple[np.ndarray, float]:
     )
 
 
-def _merged(stage, found, force_s, smooth, threshold) -> list[Excursion]:
+def _merged(stage, moves, force_s, smooth, threshold) -> list[Excursion]:
     """Return excursions, those joined between which contact was not lost."""
     out: list[Excursion] = []
-    for excursion in found:
+    for excursion in moves:
         valley = stage.time_s[excursion.first]
         near = slice(*np.searchsorted(force_s, [valley - 0.05, valley + 0.05]))
         if out and len(smooth[near]) and smooth[near].min() > threshold:
@@ -247,7 +247,7 @@ def depth_zero_mm(
 
     rule: `session`, `press`, or a surface `at_mm` on the axis that presses. within_mm: of their median, and of that surface.
     """
-    found = np.array([press.contact.travel_mm for press in presses])
+    points = np.array([press.contact.travel_mm for press in presses])
     if rule == "press":
         half = np.array([(p.contact.high_mm - p.contact.low_mm) / 2 for p in presses])
         k = int(half.argmax())
@@ -257,14 +257,14 @@ def depth_zero_mm(
                 f" mm only, the limit is {WIDEST_MM} mm; set depth_zero: session, or leave it out with"
                 f" skip: [{presses[k].number}]"
             )
-        return found
-    middle = float(np.median(found))
-    k = int(np.abs(found - middle).argmax())
-    if abs(found[k] - middle) > within_mm:
-        one = np.abs(np.delete(found, k) - middle).max(initial=0.0) <= within_mm
+        return points
+    middle = float(np.median(points))
+    k = int(np.abs(points - middle).argmax())
+    if abs(points[k] - middle) > within_mm:
+        one = np.abs(np.delete(points, k) - middle).max(initial=0.0) <= within_mm
         known = (presses[k].contact.high_mm - presses[k].contact.low_mm) / 2
         raise ImportingError(
-            f"contact points lie up to {abs(found[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
+            f"contact points lie up to {abs(points[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
             f" {presses[k].top_s:.1f} s), the limit is {within_mm:g} mm: "
             + (
                 f"leave it out with skip: [{presses[k].number}], or set depth_zero: press"

@@ -74,8 +74,8 @@ def counts_above_header(path: Path, source: ForceSource, values: np.ndarray) -> 
     head = next((i for i, line in enumerate(top) if all(name in line for name in source.columns)), 0)
     counts = None
     for line in top[:head]:
-        if found := COUNTS.search(line):
-            counts = float(found.group(1).replace(",", ""))
+        if match := COUNTS.search(line):
+            counts = float(match.group(1).replace(",", ""))
         said = FORCE_UNIT.search(line)
         unit = unit_named(said.group(1)) if said else None
         if unit and unit != known_unit(source.unit):
@@ -190,12 +190,12 @@ def _table(folder, source, other, key, units, declared, numbers, texts) -> pd.Da
 
 def refuse_other_unit(path: Path, column: str, unit: str, key: str) -> None:
     """Raise ImportingError where the name of a column ends in another unit than the declared one."""
-    found, declared = unit_in_header(column), unit_named(unit)
+    stated, declared = unit_in_header(column), unit_named(unit)
     # 0:03:12 under "Time (s)": the text itself shows the form, and the reader refuses another one
-    clock = declared == "h:mm:ss" and found and UNITS[found][0] == "time"
-    if found and found != declared and not clock:
+    clock = declared == "h:mm:ss" and stated and UNITS[stated][0] == "time"
+    if stated and stated != declared and not clock:
         raise ImportingError(
-            f"{path}: the column {column!r} says {found}, {key}.unit says {unit}; set {key}.unit: {found}, or correct the"
+            f"{path}: the column {column!r} says {stated}, {key}.unit says {unit}; set {key}.unit: {stated}, or correct the"
             " header"
         )
 

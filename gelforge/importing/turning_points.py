@@ -148,10 +148,10 @@ def _bend(
     if min(before, after) <= BEND_S:
         return None
     for _ in range(RECENTRED):
-        found = bend_near(at, lag, before - BEND_S, after - BEND_S, side, *log)
-        if found is None or abs(found[0] - lag) < BEND_S - BEND_STEP_S:
-            return found
-        lag = found[0]
+        bend = bend_near(at, lag, before - BEND_S, after - BEND_S, side, *log)
+        if bend is None or abs(bend[0] - lag) < BEND_S - BEND_STEP_S:
+            return bend
+        lag = bend[0]
     return None
 
 
@@ -251,17 +251,17 @@ def _refuse_jumps(at, lag, law, what: str, key: str, stamps) -> None:
     if max(off.max(), steps.max()) <= limit:
         return
     k = int(steps.argmax())
-    found = (
+    words = (
         f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the indentations at {at[k]:.1f} and"
         f" {at[k + 1]:.1f} s, the limit is {limit * 1e3:.2g} ms"
     )
     signal, stage = stamps
     if signal is not None and stage is not None:
         raise ImportingError(
-            f"{found}: {_stepped((signal, stage), steady[k : k + 2], at[k : k + 2], limit, key)}"
+            f"{words}: {_stepped((signal, stage), steady[k : k + 2], at[k : k + 2], limit, key)}"
         )
     causes, remedies = _without_stamps(key, stamps)
-    raise ImportingError(f"{found}: {causes}; {remedies}, or record again")
+    raise ImportingError(f"{words}: {causes}; {remedies}, or record again")
 
 
 def _without_stamps(key: str, stamps) -> tuple[str, str]:

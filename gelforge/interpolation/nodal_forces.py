@@ -60,17 +60,17 @@ class NodalForces:
         """
         force = self.force_N[depths]
         bins = sensor.bins
-        found = np.zeros((len(force), bins.ny, bins.nx, 6))
+        summed = np.zeros((len(force), bins.ny, bins.nx, 6))
         if not len(self.half_mm):
-            return found
+            return summed
         place, half = self.offset_mm * scale + position, self.half_mm * scale
         columns, along_x = _shares(place[:, 0], half, sensor.width_x_mm, bins.nx)
         rows, along_y = _shares(place[:, 1], half, sensor.width_y_mm, bins.ny)
         share = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(place), -1)
         values = share.T @ np.moveaxis(force, 1, 0).reshape(len(place), -1)
         shape = (along_y.shape[1], along_x.shape[1], len(force), 6)
-        found[:, rows, columns] = np.moveaxis(values.reshape(shape), 2, 0)
-        return found
+        summed[:, rows, columns] = np.moveaxis(values.reshape(shape), 2, 0)
+        return summed
 
 
 def ball_of(indenter: Indenter) -> Sphere | None:

@@ -142,10 +142,10 @@ def _check(X, elements, inside, solids: Solids, wider: float) -> None:
     """Refuse a mesh whose surfaces are not the given ones within the tolerances, times wider."""
     volumes = element_gradient(X, elements)[1].sum(axis=1)
     for k, (name, surface) in enumerate(zip(solids.names, solids.surfaces)):
-        found = lumped_area(X, faces_between(elements, inside[:, k])).sum()
+        meshed = lumped_area(X, faces_between(elements, inside[:, k])).sum()
         for quantity, value, given, tolerance in (
             ("volume", volumes[inside[:, k]].sum(), enclosed_volume(surface), VOLUME_TOLERANCE),
-            ("surface", found, area(surface), AREA_TOLERANCE),
+            ("surface", meshed, area(surface), AREA_TOLERANCE),
         ):
             if abs(value / given - 1) > wider * tolerance:
                 raise MeshingError(

@@ -146,7 +146,7 @@ def fit_pose(
         kept = ~far
         _check_places(places[kept])
         fitted = _fit(camera, places[kept], centres[kept], plane_z_mm)
-    found, residual, J = fitted
+    posed, residual, J = fitted
     free = max(residual.size - J.shape[1], 1)
     covariance = np.linalg.inv(J.T @ J) * float((residual**2).sum()) / free
     sd = np.zeros(4)
@@ -156,9 +156,9 @@ def fit_pose(
     rotation = camera.rotation_deg
     tilted = camera.model_copy(update={"rotation_deg": [rotation[0] + 1, *rotation[1:]]})
     other, its, _ = _fit(tilted, places[kept], centres[kept], plane_z_mm)
-    moved = np.linalg.norm(np.subtract(other.position_mm, found.position_mm))
+    moved = np.linalg.norm(np.subtract(other.position_mm, posed.position_mm))
     rms = [float(np.sqrt((r**2).sum(axis=1).mean())) for r in (residual, its)]
-    return Pose(found, sd, rms[0], places[kept], left_out, float(moved), abs(rms[1] - rms[0]))
+    return Pose(posed, sd, rms[0], places[kept], left_out, float(moved), abs(rms[1] - rms[0]))
 
 
 def _check_places(places: np.ndarray) -> None:
@@ -193,10 +193,10 @@ def _fit(
 
     upper = [np.inf, np.inf, np.inf] if flat else [np.inf, np.inf, highest, np.inf]
     first = start[[0, 1, 3]] if flat else np.minimum(start, [np.inf, np.inf, highest - 0.1, np.inf])
-    found = least_squares(
+    solution = least_squares(
         lambda p: (project(posed(p), points)[0] - centres).ravel(), first, bounds=(-np.inf, upper), xtol=1e-12
     )
-    return posed(found.x), found.fun.reshape(-1, 2), found.jac
+    return posed(solution.x), solution.fun.reshape(-1, 2), solution.jac
 
 
 def _start(camera: Camera, places: np.ndarray, centres: np.ndarray, z: float) -> np.ndarray:

@@ -213,9 +213,9 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
         measures: list[Measures] = []
         with Progress(f"images of session {recording.session.session}", len(rows)) as progress:
             for batch in _features_in_batches(recording, settings, rows, workers):
-                vectors, found = zip(*batch)
+                vectors, measured = zip(*batch)
                 feature[len(measures) : len(measures) + len(vectors)] = np.stack(vectors)
-                measures += found
+                measures += measured
                 progress.advance(len(batch))
         table = add_measures(rows.assign(run=0), measures)
         table["flow_lost"] = table.groupby(["press", "phase"], sort=False)["flow_lost"].ffill()
@@ -238,8 +238,10 @@ def judge_all(recording: Recording, table: pd.DataFrame, scale: float) -> Findin
     reference = read_as(picture_of(session, scale), reference_path(recording.folder))
     loading = table[before_shear(table) & (table["phase"] != "unload")]
     whole, series = (series_of(rows, reference, seen_by(session)) for rows in (table, loading))
-    found = [f for name, test in IMAGE_TESTS.items() for f in test(whole if name in OF_ANY_IMAGE else series)]
-    judged = collect(session.session, [*found, *flow_lost_of(whole.shown)], session.confirmed)
+    findings = [
+        f for name, test in IMAGE_TESTS.items() for f in test(whole if name in OF_ANY_IMAGE else series)
+    ]
+    judged = collect(session.session, [*findings, *flow_lost_of(whole.shown)], session.confirmed)
     refuse(recording.folder, judged)
     return judged
 

@@ -72,7 +72,7 @@ def _no_session(folder: Path) -> str:
     if not folder.is_dir():
         what = "a file" if folder.exists() else "no such folder"
         return f"{folder}: {what}; name a session's folder, with session.yaml and indentations.csv in it"
-    below = sorted(found.parent.name for found in folder.glob("*/session.yaml"))
+    below = sorted(file.parent.name for file in folder.glob("*/session.yaml"))
     other = f"name one of the sessions in this folder ({', '.join(below[:5])}), or " if below else ""
     return f"{folder / 'session.yaml'}: missing; {other}describe the session (see docs/file-formats.md)"
 

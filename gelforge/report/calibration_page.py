@@ -131,9 +131,9 @@ def site_figure(readings: pd.DataFrame) -> Figure:
 
 def apart(content: Content) -> Chapter:
     """Return the correlations of the parameters."""
-    chapter, found = Chapter("apart", "Which parameters can be distinguished"), content["correlation"]
-    table = pd.DataFrame(np.round(found["matrix"], 3), columns=found["names"])
-    table.insert(0, "parameter", found["names"])
+    chapter, correlation = Chapter("apart", "Which parameters can be distinguished"), content["correlation"]
+    table = pd.DataFrame(np.round(correlation["matrix"], 3), columns=correlation["names"])
+    table.insert(0, "parameter", correlation["names"])
     chapter.tabulate(
         "Correlation of the errors of two parameters; ±1: the presses see one combination of them alone.",
         table,

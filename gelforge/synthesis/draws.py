@@ -130,13 +130,13 @@ def site_places(study: Study) -> np.ndarray:
         for w in (sensor.width_x_mm, sensor.width_y_mm)
     ]
     if study.has_symmetry_of_square:
-        found = [(x, y) for i, y in enumerate(half[1]) for x in half[0][: i + 1]]
+        places = [(x, y) for i, y in enumerate(half[1]) for x in half[0][: i + 1]]
     else:
         lines = [
             np.concatenate([h, w - h[-2::-1]]) for h, w in zip(half, (sensor.width_x_mm, sensor.width_y_mm))
         ]
-        found = [(x, y) for y in lines[1] for x in lines[0]]
-    return np.round(np.array(found), 4)
+        places = [(x, y) for y in lines[1] for x in lines[0]]
+    return np.round(np.array(places), 4)
 
 
 def _site(study: Study, place: np.ndarray, number: int) -> Solution:

@@ -55,10 +55,10 @@ def uniaxial_stress() -> list[Check]:
         return force[mesh.X[:, axis] > mesh.X[:, axis].max() - 1e-9, axis].sum()
 
     # A bar's side is free: the pressure that does it takes P_11 lam_1 / lam_3 off the stress along the bar.
-    found = nominal(2) - nominal(0) * stretches[0] / lam
+    stress = nominal(2) - nominal(0) * stretches[0] / lam
     known = ogden_uniaxial(lam, GEL.mu, GEL.alpha)
     # The volume ratio is 1 to some 1e-16, and K/mu = 1000 of that is left.
-    return [relative("uniaxial nominal stress at stretch 1.6 [MPa]", "Ogden 1972", known, found, 1e-11)]
+    return [relative("uniaxial nominal stress at stretch 1.6 [MPa]", "Ogden 1972", known, stress, 1e-11)]
 
 
 def patch_test() -> list[Check]:
@@ -118,12 +118,12 @@ def manufactured_orders() -> list[Check]:
             ("1", general_field, 1.0, soft),
             ("1e4", isochoric_field, STIFF, stiff),
         ):
-            for what, order, found in zip(
+            for what, order, measured in zip(
                 ("displacement", "gradient"), known, convergence_order(field, bulk_to_shear, kind, sizes)
             ):
                 quantity = f"order in {what}, {kind}, K/mu {ratio}"
-                shortfall = max(order - found, 0.0)
+                shortfall = max(order - measured, 0.0)
                 checks.append(
-                    Check(quantity, "manufactured solution, at least", order, found, shortfall, margin)
+                    Check(quantity, "manufactured solution, at least", order, measured, shortfall, margin)
                 )
     return checks

@@ -65,8 +65,8 @@ def partial_slip() -> list[Check]:
     ring = np.floor(r[r < a - 1 / PER_RADIUS] * PER_RADIUS).astype(int)
     inside, weight = r < a - 1 / PER_RADIUS, np.bincount(ring)
     expected = cattaneo_mindlin_traction(r[inside], a, known.stick_radius, N, FRICTION)
-    found = state.friction_force[inside, 0] / press.area[inside]
-    error = np.bincount(ring, found - expected) / np.maximum(weight, 1)
+    traction = state.friction_force[inside, 0] / press.area[inside]
+    error = np.bincount(ring, traction - expected) / np.maximum(weight, 1)
     off = np.sqrt(np.average(error**2, weights=weight)) / expected.max()
     name, source = "ball moved sideways by 4/5 of its slip", "Cattaneo 1938, Mindlin 1949"
     return [

@@ -212,17 +212,21 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
         for k, (a, p) in enumerate(zip(axes, place))
     ]
     inside = np.all([(p >= 0) & (p < len(a) - 1) for a, p in zip(axes, place)], axis=0)
-    found = np.where(inside, element[tuple(np.where(inside, p, 0) for p in place)], -1)
-    if (found < 0).any():
+    containing = np.where(inside, element[tuple(np.where(inside, p, 0) for p in place)], -1)
+    if (containing < 0).any():
         raise VirtualLabError(
-            f"particle at {np.round(points[found.argmin()], 4)} mm lies in no element of the gel; "
+            f"particle at {np.round(points[containing.argmin()], 4)} mm lies in no element of the gel; "
             "the site was solved with another sensor"
         )
-    xi = (points - low[found]) / (high[found] - low[found])  # (P, 3) in [0, 1]
-    at_high = corners[found] - low[found][:, None] > 0.5 * (high[found] - low[found])[:, None]  # (P, 8, 3)
+    xi = (points - low[containing]) / (high[containing] - low[containing])  # (P, 3) in [0, 1]
+    at_high = (
+        corners[containing] - low[containing][:, None] > 0.5 * (high[containing] - low[containing])[:, None]
+    )  # (P, 8, 3)
     weights = np.where(at_high, xi[:, None], 1 - xi[:, None]).prod(axis=2)  # (P, 8)
     rows = np.repeat(np.arange(len(points)), 8)
-    return csr_array((weights.ravel(), (rows, hexahedra[found].ravel())), shape=(len(points), len(nodes)))
+    return csr_array(
+        (weights.ravel(), (rows, hexahedra[containing].ravel())), shape=(len(points), len(nodes))
+    )
 
 
 def _distinct(values: np.ndarray, tolerance: float) -> np.ndarray:

@@ -138,13 +138,13 @@ def _keep_usage(address: str, usage: bytes) -> None:
 
 def _read(connection: socket.socket, count: int) -> bytes:
     """Return so many bytes; none where the other end has closed before."""
-    found = b""
-    while len(found) < count:
-        part = connection.recv(count - len(found))
+    received = b""
+    while len(received) < count:
+        part = connection.recv(count - len(received))
         if not part:
             return b""
-        found += part
-    return found
+        received += part
+    return received
 
 
 # ------------------------------------------------------------------------------------------- the forking process

@@ -156,7 +156,7 @@ def read_decision(path: Path) -> dict:
     """Return what a level decided. Raises ConfigError for a file that is missing or not one."""
     from gelforge.files import read_product_json
 
-    found = read_product_json(path, f"decide again (snakemake -R {path})", ConfigError)
-    if not {"solved", "more", "themselves"} <= set(found):
+    decision = read_product_json(path, f"decide again (snakemake -R {path})", ConfigError)
+    if not {"solved", "more", "themselves"} <= set(decision):
         raise ConfigError(f"{path}: not a level's decision; decide again (snakemake -R {path})")
-    return found
+    return decision

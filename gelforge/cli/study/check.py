@@ -141,8 +141,8 @@ def check_data(study: Study, cells: dict, missing: list[str], errors: list[str])
             print(f"session    {name}: {'made by the virtual lab, SYNTHETIC' if made else 'incomplete'}")
             continue
         with noted(errors):
-            found, here = check_session(study, name, cells)
-            doubtful, pressed = doubtful + found, pressed | here
+            findings, here = check_session(study, name, cells)
+            doubtful, pressed = doubtful + findings, pressed | here
     print_unnamed(study)
     if not study.virtual_lab:
         with noted(errors):

@@ -55,12 +55,12 @@ def _validated(model: type[Section], content: dict[str, Any], source: str, new: 
         lines = []
         for item in error.errors():
             key = ".".join(str(part) for part in item["loc"]) or "(whole file)"
-            found = "" if isinstance(item["input"], dict) else f", found {short(repr(item['input']))}"
+            said = "" if isinstance(item["input"], dict) else f", found {short(repr(item['input']))}"
             unknown = item["type"] == "extra_forbidden"
             remedy = (
                 _unknown_key(model, item["loc"]) if unknown else item["msg"].removeprefix("Value error, ")
             )
-            lines.append(f"{source}: {short(key)}{found}: {short(remedy, LONGEST_REMEDY)}")
+            lines.append(f"{source}: {short(key)}{said}: {short(remedy, LONGEST_REMEDY)}")
         more = len(lines) - MOST_ERRORS
         if more > 0:  # a file of another kind has nothing but errors
             lines = [*lines[:MOST_ERRORS], f"{source}: and {more} errors more; is it a file of this kind?"]
@@ -86,8 +86,8 @@ def _first(content: Any, read: Any, wrong: Callable[[Any, Any], bool]) -> str:
     else:
         return "." if wrong(content, read) else ""
     for key, part, own in pairs:
-        if found := _first(part, own, wrong):
-            return f"{key}.{found}".rstrip(".")
+        if part_with := _first(part, own, wrong):
+            return f"{key}.{part_with}".rstrip(".")
     return ""
 
 

@@ -90,11 +90,11 @@ class Source:
         """Return the named columns (n, ...) of rows given by their numbers (n,), other than `split`."""
         stored = {name: {IMAGE_NAME: "image"}.get(name, name) for name in names if name != IMAGE}
         needed = ["session", "image"] if IMAGE in names else []
-        found = self.rows.read(index, list(dict.fromkeys([*stored.values(), *needed])))
-        block: dict[str, np.ndarray | list] = {name: found[column] for name, column in stored.items()}
+        columns = self.rows.read(index, list(dict.fromkeys([*stored.values(), *needed])))
+        block: dict[str, np.ndarray | list] = {name: columns[column] for name, column in stored.items()}
         if IMAGE in names:
             assert self.images is not None  # else no variable is called so
-            block[IMAGE] = [self.images.encoded(*of) for of in zip(found["session"], found["image"])]
+            block[IMAGE] = [self.images.encoded(*of) for of in zip(columns["session"], columns["image"])]
         return block
 
     def blocks(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> Iterator[dict]:
@@ -174,10 +174,10 @@ def open_source(
         raise DatasetError(
             f"{folder}: the dataset holds labels only, there are no images; leave out --images"
         )
-    found = RowImages(manifest["raw_files"], data) if images else None
+    pictures = RowImages(manifest["raw_files"], data) if images else None
     fraction = Learning().validation_fraction if validation_fraction is None else validation_fraction
     presses = _presses(rows, manifest, fraction)
-    return Source(folder, manifest, rows, _variables(rows, labels_only, found), presses, found)
+    return Source(folder, manifest, rows, _variables(rows, labels_only, pictures), presses, pictures)
 
 
 def _variables(rows: ShardDataset, labels_only: bool, images: RowImages | None) -> dict[str, Variable]:
@@ -204,12 +204,12 @@ def _presses(rows: ShardDataset, manifest: dict, fraction: float) -> tuple[Press
     index = np.arange(len(rows))
     read = rows.read(index, [*dict.fromkeys([*keys, "cell", "split", "position_mm"])])
     split = _with_validation(read, manifest, fraction)
-    found: dict[tuple, list[int]] = {}
+    rows_of: dict[tuple, list[int]] = {}
     for i, key in enumerate(zip(*(read[name] for name in keys))):
-        found.setdefault(key, []).append(i)
+        rows_of.setdefault(key, []).append(i)
     presses = [
         Press("/".join(key), split[read["cell"][numbers[0]]], np.array(numbers))
-        for key, numbers in found.items()
+        for key, numbers in rows_of.items()
     ]
     return tuple(sorted(presses, key=lambda press: SPLITS.index(press.split)))  # stable
 

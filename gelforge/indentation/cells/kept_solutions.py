@@ -83,13 +83,13 @@ def entries(out: Path) -> list[Path]:
 
 def forget(outs: Iterable[Path]) -> int:
     """Remove the kept solutions of these sites' files and return how many there were."""
-    found = [entry for out in outs for entry in entries(out)]
-    _remove(found)
-    return len(found)
+    cached = [entry for out in outs for entry in entries(out)]
+    _remove(cached)
+    return len(cached)
 
 
-def _remove(found: Iterable[Path]) -> None:
-    for entry in found:
+def _remove(cached: Iterable[Path]) -> None:
+    for entry in cached:
         entry.unlink(missing_ok=True)
         timings_path(entry).unlink(missing_ok=True)
 

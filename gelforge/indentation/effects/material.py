@@ -77,15 +77,15 @@ def stretches_ahead(
     thickness = np.array([layer.thickness_mm for layer in layers])
     strained = np.maximum(1.0, thickness.sum() / mu / (thickness / mu).sum())
     residual = [s for x, y in effects.geometry.prestretch.values() for s in (x, y, 1 / (x * y))] + [1.0]
-    found = {}
+    stretches = {}
     for name in regions:
         factor = dict(zip([layer.name for layer in layers], strained)).get(name, 1.0)
         e = MARGIN * max(share, 0.0) * factor
-        found[name] = (
+        stretches[name] = (
             float(min(residual) * np.exp(-COMPRESSION * e)),
             float(max(residual) * np.exp(STRETCHING * e)),
         )
-    return found
+    return stretches
 
 
 def check_laws(laws: dict[str, PrincipalLaw], stretches: dict[str, tuple[float, float]]) -> None:

@@ -125,8 +125,8 @@ def index_of(name: str) -> Index | None:
     (int, int) or None
         Steps of the finest lattice along x and y; None for another name.
     """
-    found = NAME.fullmatch(name)
-    return (int(found[1]), int(found[2])) if found else None
+    match = NAME.fullmatch(name)
+    return (int(match[1]), int(match[2])) if match else None
 
 
 def check_interpolation(study: Study) -> None:
@@ -152,10 +152,10 @@ def check_interpolation(study: Study) -> None:
             "error_bars: false, a share of which is asked for: give tolerance_N",
         ),
     ]
-    found = [words for is_so, words in why_not if is_so]
-    if found:
+    reasons = [words for is_so, words in why_not if is_so]
+    if reasons:
         raise ConfigError(
-            f"plan.interpolation: labels are not interpolated with {found[0]}; use interpolation: none"
+            f"plan.interpolation: labels are not interpolated with {reasons[0]}; use interpolation: none"
         )
 
 

@@ -103,7 +103,7 @@ def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedC
     """Return the sites at "centre" and "corner" (5 mm from two edges, that of large x and y first) that exist."""
     wx, wy = study.sensor.width_x_mm, study.sensor.width_y_mm
     corners = [(x, y) for x in (wx - CORNER_MM, CORNER_MM) for y in (wy - CORNER_MM, CORNER_MM)]
-    found = {}
+    sites = {}
     for name, places in (("centre", [(wx / 2, wy / 2)]), ("corner", corners)):
         there = (
             cell
@@ -112,8 +112,8 @@ def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedC
             if within(gaps_to((cell.x_mm, cell.y_mm), (x, y))[0], cell.within_mm)
         )
         if cell := next(there, None):
-            found[name] = cell
-    return found
+            sites[name] = cell
+    return sites
 
 
 def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> dict[str, PlannedCell]:

@@ -53,11 +53,11 @@ def check_unit(cells: Mapping[str, PlannedCell], study: Study) -> None:
     largest = np.abs(places).max(axis=0)
     deepest = max(cell.deepest_mm for cell in cells.values())
     sizes = (sensor.width_x_mm, sensor.width_y_mm, sensor.height_mm)
-    found = (*largest, deepest)
+    measured = (*largest, deepest)
     of_file = study.plan.file is not None
     for unit in ("metres", "inches"):
         factor = UNITS[unit]
-        fits = [0 < factor * length <= size for length, size in zip(found, sizes)]
+        fits = [0 < factor * length <= size for length, size in zip(measured, sizes)]
         if not (any(fits) if unit == "metres" else all(fits) and of_file and len(cells) > 1):
             continue
         where = f"{study.plan.file}: " if of_file else ""

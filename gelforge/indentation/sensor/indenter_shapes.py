@@ -148,8 +148,8 @@ def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
             faces += [fan(str(path), read.points, corners) for corners in block.data]
     triangles = np.concatenate(faces).astype(np.int64)
     if not len(triangles):
-        found = sorted({block.type for block in read.cells}) or "nothing"
-        raise ConfigError(f"{path}: no triangles, found {found}; save the body's surface as triangles")
+        types = sorted({block.type for block in read.cells}) or "nothing"
+        raise ConfigError(f"{path}: no triangles, found {types}; save the body's surface as triangles")
     return np.asarray(read.points, dtype=float), triangles
 
 

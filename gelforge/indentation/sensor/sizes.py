@@ -47,13 +47,13 @@ def check_fits(sensor: Sensor, low: np.ndarray, high: np.ndarray) -> None:
     Raises SurfaceError with the key that mends it: the files' unit, or the point that is the frame's origin.
     """
     shape, wide = sensor.shape, (sensor.width_x_mm, sensor.width_y_mm)
-    found = high[:2] - low[:2]
-    ratio = np.array(wide) / np.maximum(found, 1e-300)
+    extent = high[:2] - low[:2]
+    ratio = np.array(wide) / np.maximum(extent, 1e-300)
     for unit, mm in {**UNITS, "mm": 1.0, "mm, 25.4 times too large": 1 / 25.4}.items():
         same = (np.abs(ratio * shape.mm_per_unit / mm - 1) < SAME_RATIO).all()
         if same and abs(mm / shape.mm_per_unit - 1) > SAME_RATIO:
             raise SurfaceError(
-                f"the surfaces are {found[0]:.4g} x {found[1]:.4g} mm wide, the sensor {wide[0]:g} x {wide[1]:g} mm: are "
+                f"the surfaces are {extent[0]:.4g} x {extent[1]:.4g} mm wide, the sensor {wide[0]:g} x {wide[1]:g} mm: are "
                 f"the files in {unit}? set shape.mm_per_unit: {mm:.6g}, or correct width_x_mm and "
                 "width_y_mm"
             )

@@ -57,17 +57,17 @@ def first_outside(xy: np.ndarray, width_mm: tuple[float, float]) -> tuple[int, s
         return None
     row = int(wrong.argmax())
     x, y = xy[row]
-    found = f"position ({x:.6g}, {y:.6g}) mm in the sensor frame, the sensor is {width[0]} x {width[1]} mm;"
+    stated = f"position ({x:.6g}, {y:.6g}) mm in the sensor frame, the sensor is {width[0]} x {width[1]} mm;"
     if not outside.any():
-        return row, f"{found} correct x_mm, y_mm or stage_to_sensor, is it in metres?"
+        return row, f"{stated} correct x_mm, y_mm or stage_to_sensor, is it in metres?"
     span, sides = np.sort(np.ptp(xy, axis=0)), np.sort(width)
     if outside.all() and (span <= sides).all() and not _would_fit(xy / 1e3, width):
         return row, (
-            f"{found} all positions lie outside, but would fit: are they in the robot's frame? Read the robot's position"
+            f"{stated} all positions lie outside, but would fit: are they in the robot's frame? Read the robot's position"
             " over the sensor's corner and set stage_to_sensor: origin_mm, rotation_deg and handedness (of session.yaml, or"
             " under `session` of an import's mapping; docs/importing.md has the formula)"
         )
-    return row, f"{found} correct x_mm, y_mm or stage_to_sensor, is it in micrometres?"
+    return row, f"{stated} correct x_mm, y_mm or stage_to_sensor, is it in micrometres?"
 
 
 def _would_fit(xy: np.ndarray, width: np.ndarray) -> bool:

@@ -89,7 +89,7 @@ def error_bars(
         return {name: size[name.partition("_")[0]] for name in names}
     mesh_bins = _mesh_bins(bins[:reached], companion.bins, shape)
     uncancelled = PART_OF_BINS * np.sqrt((mesh_bins**2).sum(axis=1))
-    found = {
+    bars = {
         "bin_sigma_mesh_N": mesh_bins,
         "total_sigma_mesh_N": np.sqrt(
             mesh_totals(total[:reached], companion.total) ** 2
@@ -101,12 +101,12 @@ def error_bars(
         "total_sigma_material_N": np.sqrt((companion.total_slopes**2).sum(axis=0)),
     }
     if reached == len(total):
-        return found
+        return bars
     size = np.linalg.norm(total, axis=1)
     growth = size[reached:] / size[reached - 1] if size[reached - 1] > 0 else np.ones(len(total) - reached)
     return {
         name: np.concatenate([values, growth.reshape(-1, *[1] * (values.ndim - 1)) * values[-1]])
-        for name, values in found.items()
+        for name, values in bars.items()
     }
 
 

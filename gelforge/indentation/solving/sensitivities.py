@@ -168,12 +168,12 @@ def derivatives(
             along[name] = (varied, variation.amount)
     # A residual stretch has to find its balance first, as simulate_cell lets it.
     if base.yielding is None and not base.body.remembers and base.body.at_rest:
-        cell, found = _along(study, base, along, solution)
+        cell, slopes = _along(study, base, along, solution)
     else:
-        cell, found = _solved(study, laws, planned), {}
+        cell, slopes = _solved(study, laws, planned), {}
     for name in others:
-        found[name] = subtracted(cell, laws, planned, variations[name].instead or variations[name])
-    return cell, {name: found[name] for name in variations}
+        slopes[name] = subtracted(cell, laws, planned, variations[name].instead or variations[name])
+    return cell, {name: slopes[name] for name in variations}
 
 
 def unmirrored(study: Study) -> Study:
@@ -240,7 +240,7 @@ def _along(
     arrays = {"total_force_N": np.sum(forces, axis=1), "bin_force_N": bin_forces(np.array(forces), shares)}
     if stored:
         arrays |= gel_arrays(base.mesh, reached, study.sensor)
-    found = {}
+    derivatives = {}
     for k, name in enumerate(varied):
         nodal = np.array([step[k] for step in slopes])
         motion = np.array([step[k] for step in motions], np.float32) if stored else None
@@ -249,8 +249,8 @@ def _along(
             mesh = replace(base.mesh, X=base.mesh.X + LITTLE_WAY * away)
             there = bin_shares(mesh, study.sensor, study.mechanics.binning)
             bins = bins + bin_forces(np.array(forces), (there - shares) / LITTLE_WAY)
-        found[name] = Derivative(nodal.sum(axis=1), bins, sum(seconds) / len(varied), motion)
-    return Cell(arrays, {}), found
+        derivatives[name] = Derivative(nodal.sum(axis=1), bins, sum(seconds) / len(varied), motion)
+    return Cell(arrays, {}), derivatives
 
 
 def _carried(base: Model, varied: Model, amount: float) -> np.ndarray | None:

@@ -55,9 +55,9 @@ class Predictor:
             known.append(f"{' x '.join(map(str, view['image_px'] or learnt))} px{part} (session {session})")
         if not known:
             return crop_px
-        found = " x ".join(map(str, size)) + " px" + (f" of which {crop_px} is used" if crop_px else "")
+        stated = " x ".join(map(str, size)) + " px" + (f" of which {crop_px} is used" if crop_px else "")
         raise ImageError(
-            f"{frame.name}: image of {found}, but the model learnt from images of {', '.join(known)}; record with the same "
+            f"{frame.name}: image of {stated}, but the model learnt from images of {', '.join(known)}; record with the same "
             "camera settings, or give --crop LEFT TOP WIDTH HEIGHT of that size"
         )
 

@@ -121,12 +121,12 @@ def displacements(
     for axis in range(3):
         along, held = np.zeros((len(dense), size)), equation[:, axis] >= 0
         along[:, equation[held, axis]] = dense[:, held]
-        found = solver.solve_many(along)
+        solutions = solver.solve_many(along)
         for _ in range(REFINEMENTS):
-            left = along - (whole @ found.T).T
+            left = along - (whole @ solutions.T).T
             scale = np.abs(left).max(axis=1, keepdims=True) + 1e-300  # of unit size, as solve_many asks
-            found = found + scale * solver.solve_many(left / scale)
-        moved[:, axis, free] = found[:, equation[free]]
+            solutions = solutions + scale * solver.solve_many(left / scale)
+        moved[:, axis, free] = solutions[:, equation[free]]
     if mesh.ties is not None:
         moved = (mesh.ties @ np.moveaxis(moved, 2, 0).reshape(len(mesh.X), -1)).reshape(
             len(mesh.X), len(dense), 3, 3
@@ -140,14 +140,14 @@ def symmetries(mesh: HexMesh, sensor: Sensor, mechanics: Mechanics) -> dict[str,
     width = np.array([sensor.width_x_mm, sensor.width_y_mm])
     names = names_of(width[0] == width[1] and sensor.bins.nx == sensor.bins.ny)
     names = names if mechanics.effects.has_symmetry_of_square else ("identity",)
-    tree, found = cKDTree(mesh.X), {}
+    tree, permutations = cKDTree(mesh.X), {}
     for name in names:
         carried = mesh.X.copy()
         carried[:, :2] = (carried[:, :2] - width / 2) @ D4[name].T + width / 2
         away, nodes = tree.query(carried)
         if away.max() < INSIDE_MM:
-            found[name] = nodes
-    return found
+            permutations[name] = nodes
+    return permutations
 
 
 def _carrying(seen: sp.csr_matrix, plane: np.ndarray, nodes: np.ndarray) -> sp.csr_matrix:
@@ -212,7 +212,7 @@ def _heights(
         )
         return [((named, box), -dots.depth_mm, 1.0)]
     layers = [layer for layer in sensor.layers if layer.particle_volume_fraction > 0]
-    found, covered = [], 0.0
+    heights, covered = [], 0.0
     for layer, box in zip(layers, gel_boxes(sensor)):
         count = max(1, round((box[1][2] - box[0][2]) / SLAB_MM))
         edges = np.linspace(box[0][2], box[1][2], count + 1)
@@ -222,8 +222,8 @@ def _heights(
             share = -np.exp(-covered) * np.expm1(-per_mm * thick)
             z = bottom + 1 / per_mm - thick / np.expm1(per_mm * thick)
             covered += per_mm * thick
-            found.append(((layer.name, box), float(z), float(share)))
-    return found
+            heights.append(((layer.name, box), float(z), float(share)))
+    return heights
 
 
 def projection_jacobian(camera: Camera, points: np.ndarray) -> np.ndarray:

@@ -44,7 +44,7 @@ def contacts(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> list[
     """
     field = force.reshape(ny, nx, 3)
     _, regions = _connected((field != 0).any(axis=2))
-    found = []
+    touching = []
     for number, box in enumerate(find_objects(regions), 1):
         pressing = np.maximum(-field[box][..., 2], 0)
         for part in _parts(pressing, regions[box] == number):
@@ -53,8 +53,8 @@ def contacts(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> list[
             total = forces.sum(axis=0)
             if total[2] < 0:
                 at = np.column_stack([columns + box[1].start, rows + box[0].start]) + 0.5
-                found.append(Contact(total, forces[:, 2] @ at / total[2] * width_mm / [nx, ny]))
-    return sorted(found, key=lambda contact: contact.force_N[2])
+                touching.append(Contact(total, forces[:, 2] @ at / total[2] * width_mm / [nx, ny]))
+    return sorted(touching, key=lambda contact: contact.force_N[2])
 
 
 def _parts(pressing: np.ndarray, region: np.ndarray) -> Iterator[np.ndarray]:

@@ -157,14 +157,14 @@ def check_trained_on(path: str | Path, settings: dict) -> None:
 
 def _by_key(settings: dict) -> dict:
     """Return the settings that decide a training, by their dotted keys of a study."""
-    found: dict[str, object] = {}
+    by_key: dict[str, object] = {}
     for part, name in DECIDING.items():
         values = settings.get(part)
         if isinstance(values, dict):
-            found |= {f"{name}.{key}": value for key, value in values.items()}
+            by_key |= {f"{name}.{key}": value for key, value in values.items()}
         elif values is not None:
-            found[name] = values
-    return found
+            by_key[name] = values
+    return by_key
 
 
 def load_model(path: str | Path) -> Model:

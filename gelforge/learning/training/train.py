@@ -232,12 +232,12 @@ def one_pass(
     return done, total / count
 
 
-def mean_error(found: torch.Tensor, targets: torch.Tensor, relative: bool) -> torch.Tensor:
+def mean_error(predicted: torch.Tensor, targets: torch.Tensor, relative: bool) -> torch.Tensor:
     """Return the mean over rows of the mean squared error of bins (n, 3 B) in scaled units.
 
     relative: over the row's own mean square and LIGHT, so that light contacts count beside deep ones.
     """
-    error = (found - targets).square().mean(dim=1)
+    error = (predicted - targets).square().mean(dim=1)
     return (error / (targets.square().mean(dim=1) + LIGHT) if relative else error).mean()
 
 

@@ -27,7 +27,7 @@ def circumstance_effects(tests: list[MaterialTest]) -> tuple[list[MeasuredEffect
     Compared are tests of one kind that differ in one circumstance only. Ramps to a hold are not compared with
     loadings to the end: their rates are those of a few rows.
     """
-    found, not_judged = [], []
+    effects, not_judged = [], []
     for kind in dict.fromkeys(t.test for t in tests):
         first_loadings = [t for t in tests if t.test == kind and t.cycle in (None, 1) and _loads(t)]
         for ramps in (False, True):
@@ -36,13 +36,13 @@ def circumstance_effects(tests: list[MaterialTest]) -> tuple[list[MeasuredEffect
             repeats = _repeats(group)
             for number, circumstance in enumerate(CIRCUMSTANCES):
                 new, reasons = _judged(group, keys, number, circumstance, repeats)
-                found += new
+                effects += new
                 not_judged += [(circumstance.effect, reason) for reason in reasons]
-    judged = {e.effect for e in found} | {effect for effect, _ in not_judged}
+    judged = {e.effect for e in effects} | {effect for effect, _ in not_judged}
     for circumstance in CIRCUMSTANCES[:3]:
         if circumstance.effect not in judged:
             not_judged.append((circumstance.effect, _why_not(circumstance, tests)))
-    return found, not_judged
+    return effects, not_judged
 
 
 def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]) -> list[MeasuredEffect]:
@@ -50,7 +50,7 @@ def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]
 
     The share is that of the stress where the hold begins, as measured: compared are holds after ramps of one rate.
     """
-    found = []
+    effects = []
     for kind in dict.fromkeys(t.test for t in tests):
         chosen = [i for i, t in enumerate(tests) if t.test == kind]
         group = [tests[i] for i in chosen]
@@ -66,8 +66,8 @@ def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]
                 effect = line_effect(
                     circumstance, values, y, (level, level), alike[0].abscissa, quantity=share_left
                 )
-                found.append(_measured(circumstance.effect, kind, effect, alike))
-    return found
+                effects.append(_measured(circumstance.effect, kind, effect, alike))
+    return effects
 
 
 def common_hold(held: list[Relaxation]) -> tuple[float, float]:
@@ -138,7 +138,7 @@ def _repeats(tests: list[MaterialTest]) -> Scatter | None:
 
 
 def _judged(tests, keys, number, circumstance, repeats) -> tuple[list[MeasuredEffect], list[str]]:
-    found, reasons = [], []
+    effects, reasons = [], []
     for members in _groups(keys, number):
         alike = [tests[i] for i in members]
         try:
@@ -146,10 +146,10 @@ def _judged(tests, keys, number, circumstance, repeats) -> tuple[list[MeasuredEf
         except ValueError as error:
             reasons.append(str(error))
             continue
-        found.append(_measured(circumstance.effect, alike[0].test, effect, alike))
-    if not found and not reasons and len({key[number] for key in keys} - {None}) > 1:
+        effects.append(_measured(circumstance.effect, alike[0].test, effect, alike))
+    if not effects and not reasons and len({key[number] for key in keys} - {None}) > 1:
         reasons.append(f"{circumstance.word} changes only together with other covariates; test one at a time")
-    return found, reasons
+    return effects, reasons
 
 
 def _measured(name: str, kind: str, effect: Effect, tests: list[MaterialTest]) -> MeasuredEffect:

@@ -147,11 +147,11 @@ class Scatter:
 
 def scatter_between(groups: list[list[MaterialTest]]) -> Scatter:
     """Return the scatter between samples, pooled over groups of repeats made under the same circumstances."""
-    found = [levels(group)[0] for group in groups if len(group) > 1]
-    freedom = sum(len(y) - 1 for y in found)
+    logarithms = [levels(group)[0] for group in groups if len(group) > 1]
+    freedom = sum(len(y) - 1 for y in logarithms)
     if not freedom:
         raise ValueError("no group has two tests; scatter between samples needs repeats")
-    squares = sum(float(((y - y.mean()) ** 2).sum()) for y in found)
+    squares = sum(float(((y - y.mean()) ** 2).sum()) for y in logarithms)
     return Scatter(float(np.sqrt(squares / freedom)), freedom)
 
 

@@ -228,8 +228,8 @@ def _refined(time, stress, times, ramp, evaluations: int | None = None) -> np.nd
         return (_prony(time, stress, np.exp(log_times), ramp)[1] - stress) / scale
 
     start = np.clip(np.log(times), low + 1e-3, high - 1e-3)
-    found = least_squares(residual, start, bounds=(low, high), max_nfev=evaluations, xtol=1e-4, ftol=1e-6)
-    return np.exp(np.sort(found.x))
+    fitted = least_squares(residual, start, bounds=(low, high), max_nfev=evaluations, xtol=1e-4, ftol=1e-6)
+    return np.exp(np.sort(fitted.x))
 
 
 def _bic(rms: float, points: int, parameters: int) -> float:

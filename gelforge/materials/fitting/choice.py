@@ -100,15 +100,15 @@ class Comparison:
     @property
     def identifiability(self) -> list[str]:
         """Return where the chosen law is not determined by the tests, with the width of its prediction there."""
-        fit, found = self.chosen.fitted, []
+        fit, words = self.chosen.fitted, []
         poor = [w for w in self.widths if not w.determined]
         poor = self.widths if len(fit.samples) == 1 else poor  # one load case never shows the others
         if poor:
-            found.append(
+            words.append(
                 "NOT IDENTIFIABLE from " + " and ".join(fit.samples) + " alone; add the missing tests"
             )
-            found += [w.text for w in poor]
-        return found
+            words += [w.text for w in poor]
+        return words
 
     @property
     def reason(self) -> str:
@@ -177,13 +177,13 @@ def compare_laws(
         raise FitError(f"no constitutive model is named; give some of {', '.join(FAMILIES)}")
     fits = {name: _fit_or_reason(curves, name, loss) for name in dict.fromkeys(names)}
     fallback = _simpler_fits(curves, fits, loss, choose)
-    found = {name: fit for name, fit in fits.items() if isinstance(fit, LawFit)}
-    n = _independent_points(curves, list(found.values())) if found else float("nan")
+    fitted = {name: fit for name, fit in fits.items() if isinstance(fit, LawFit)}
+    n = _independent_points(curves, list(fitted.values())) if fitted else float("nan")
     candidates = []
     for name, fit in fits.items():
         refused = str(fit) if isinstance(fit, FitError) else ""
         aicc = float("nan") if isinstance(fit, FitError) else _aicc(n, fit)
-        candidates.append(Candidate(name, found.get(name), refused, aicc, held_out_errors(curves, name)))
+        candidates.append(Candidate(name, fitted.get(name), refused, aicc, held_out_errors(curves, name)))
     usable = [c for c in candidates if c.usable]
     if not usable:
         reasons = "; ".join(c.refused or f"{c.name}: {', '.join(c.fitted.notes)}" for c in candidates)

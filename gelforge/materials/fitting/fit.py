@@ -214,8 +214,8 @@ class Problem:
         starts = family.starts(self.points, self.weight, self.mean, self.stiffness)
         if family.is_linear:
             return starts[0]
-        found = sorted((self._minimise(family, s, bounds, COARSE) for s in starts), key=lambda s: s.cost)
-        best = min((self._minimise(family, f.x, bounds, FINE) for f in found[:2]), key=lambda s: s.cost)
+        solutions = sorted((self._minimise(family, s, bounds, COARSE) for s in starts), key=lambda s: s.cost)
+        best = min((self._minimise(family, f.x, bounds, FINE) for f in solutions[:2]), key=lambda s: s.cost)
         return family.ordered(best.x)
 
     def _minimise(self, family, start, bounds, tolerance):
@@ -374,9 +374,9 @@ def _check_determined(problem: Problem, family: Family, theta: np.ndarray) -> np
     if at_bound.any() and (at_bound[0] or not family.is_linear):
         k = int(np.argmax(at_bound))
         name = family.parameters[k]
-        found = ", ".join(f"{n} = {v:.3g}" for n, v in zip(family.parameters, values))
+        stated = ", ".join(f"{n} = {v:.3g}" for n, v in zip(family.parameters, values))
         raise Undetermined(
-            f"{family.title}: {name} ran to the limit of its range ({found}); {family.bound_means}"
+            f"{family.title}: {name} ran to the limit of its range ({stated}); {family.bound_means}"
         )
     J = (problem.weight[:, None] * family.stress(problem.points, theta)[1])[:, ~at_bound]
     condition = np.linalg.cond(J / np.linalg.norm(J, axis=0))

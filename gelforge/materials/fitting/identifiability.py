@@ -139,14 +139,14 @@ def _prescribed(
         mean=np.append(problem.mean, stress),
         weight=np.append(problem.weight, PULL / stress),
     )
-    found = [extended.solve(family, start, ROUGH)]
-    if family.is_linear or problem.misfit(family, found[0]) ** 2 <= limit:
-        return found[0]
+    solutions = [extended.solve(family, start, ROUGH)]
+    if family.is_linear or problem.misfit(family, solutions[0]) ** 2 <= limit:
+        return solutions[0]
     # a fit that left a term unused cannot bring it back step by step: a fresh start can
     for fresh in family.starts(extended.points, extended.weight, extended.mean, extended.stiffness)[
         :FRESH_STARTS
     ]:
-        found.append(extended.solve(family, fresh, ROUGH))
-        if problem.misfit(family, found[-1]) ** 2 <= limit:
-            return found[-1]
-    return min(found, key=lambda theta: extended.misfit(family, theta))
+        solutions.append(extended.solve(family, fresh, ROUGH))
+        if problem.misfit(family, solutions[-1]) ** 2 <= limit:
+            return solutions[-1]
+    return min(solutions, key=lambda theta: extended.misfit(family, theta))

@@ -192,9 +192,9 @@ def read_law(path: str | Path) -> MaterialLaw:
     path = Path(path)
     remedy = f"run the material stage again (snakemake -R {path})"
     content = read_product_json(path, remedy, LawFileError)
-    found = content.get("format")
-    if found != FORMAT:
-        raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; {remedy}")
+    stated = content.get("format")
+    if stated != FORMAT:
+        raise LawFileError(f"{path}: format {stated!r}, expected {FORMAT!r}; {remedy}")
     kind = content.get("law")
     if kind not in MODELS:
         raise LawFileError(f"{path}: unknown constitutive model {kind!r}; known are {list(MODELS)}")

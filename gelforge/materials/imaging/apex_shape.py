@@ -131,8 +131,8 @@ def _normal_outline(smooth: np.ndarray, points: np.ndarray, curve: np.ndarray) -
     k = distance.argmin(1)
     rows = np.arange(len(k))
     step = (0.5 - share[rows, k]) / (share[rows, k + 1] - share[rows, k])
-    found = np.isfinite(distance.min(1)) & (np.abs(outside - inside) > LEAST_CONTRAST_GREY)
-    return (points + (s[k] + 0.25 * step)[:, None] * normal)[found]
+    crosses = np.isfinite(distance.min(1)) & (np.abs(outside - inside) > LEAST_CONTRAST_GREY)
+    return (points + (s[k] + 0.25 * step)[:, None] * normal)[crosses]
 
 
 def _value(curve: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -63,9 +63,9 @@ def tracked_inflation(path: Path, settings: pd.Series) -> tuple[pd.DataFrame, li
     table = read_csv(path, numbers=("time_s", "pressure_kPa"), optional_texts=("top_image", "side_image"))
     mm_per_px = float(settings.get("mm_per_px", np.nan))
     if not mm_per_px > 0:
-        found = "missing" if np.isnan(mm_per_px) else f"{mm_per_px:g}"
+        stated = "missing" if np.isnan(mm_per_px) else f"{mm_per_px:g}"
         raise TableError(
-            f"{path.parent / 'samples.csv'}: mm_per_px of {path.name} is {found}; the radius in the side view needs"
+            f"{path.parent / 'samples.csv'}: mm_per_px of {path.name} is {stated}; the radius in the side view needs"
             " the size of a pixel in the plane of the apex, add the column (above 0)"
         )
     table, said = _tracked(path, table, "top_image", settings, degree=3, share=WINDOW_OF_MEMBRANE)

@@ -130,11 +130,11 @@ def flow_at_points(
         "minEigThreshold": 1e-4,
     }
     start = np.ascontiguousarray(points, np.float32)[:, None]
-    there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, start, np.empty_like(start), **arguments)
+    there, tracked, _ = cv2.calcOpticalFlowPyrLK(before, after, start, np.empty_like(start), **arguments)
     back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, np.empty_like(start), **arguments)
     error = np.linalg.norm((back - start)[:, 0], axis=1)
-    found = (found[:, 0] == 1) & (found_back[:, 0] == 1)
-    return (there - start)[:, 0].astype(float), error, found
+    tracked = (tracked[:, 0] == 1) & (found_back[:, 0] == 1)
+    return (there - start)[:, 0].astype(float), error, tracked
 
 
 def textured_window(
@@ -323,12 +323,12 @@ class _Tracker:
         points = self.grid - self.corner
         for _ in range(PASSES):
             pulled, inside = self._pulled_back(frame, coefficients)
-            d, error, found = flow_at_points(key.picture, pulled, points, s.patch_px)
+            d, error, tracked = flow_at_points(key.picture, pulled, points, s.patch_px)
             likeness = _local_correlation(key.picture, pulled, s.patch_px)
             row, column = np.rint(points[:, 1]).astype(int), np.rint(points[:, 0]).astype(int)
             seen = cv2.erode(inside, np.ones((s.patch_px, s.patch_px), np.uint8))[row, column] > 0
             likeness = likeness[row, column]
-            came_back = found & (error < s.forward_backward_px)
+            came_back = tracked & (error < s.forward_backward_px)
             good = seen & came_back
             if good.sum() < 2 * self.grid_basis.shape[1]:
                 return self._failed(coefficients, seen, came_back, likeness)

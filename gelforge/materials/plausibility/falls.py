@@ -41,9 +41,9 @@ def fall_while_loading(test: MaterialTest) -> Fall | None:
     for segment in test.segments:
         if segment.kind == "load":
             rows = segment.rows
-            found = sudden_fall(np.abs(test.stretch[rows] - test.at_rest), stress[rows])
-            if found:
-                return replace(found, row=found.row + segment.start, after=found.after + segment.start)
+            fall = sudden_fall(np.abs(test.stretch[rows] - test.at_rest), stress[rows])
+            if fall:
+                return replace(fall, row=fall.row + segment.start, after=fall.after + segment.start)
     return None
 
 

@@ -61,8 +61,8 @@ def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
     entries = [mapping.entries_for(name) for name in names]
     tests: list[Read] = [
         replace(test, source=name)
-        for path, name, found in zip(paths, names, entries)
-        for test in read_by_all(path, found)
+        for path, name, matching in zip(paths, names, entries)
+        for test in read_by_all(path, matching)
     ]
     if not tests:
         raise TableError(
@@ -89,7 +89,7 @@ def read_by_all(path: Path, entries: Sequence[TestMapping]) -> list[Read]:
 
 def _check_entries(folder: Path, mapping: Mapping, names: Sequence[str], used: Sequence) -> None:
     """Refuse an entry that reads no file, as its pattern is misspelt or an earlier entry takes all of it, or names none."""
-    reading = {id(entry) for found in used for entry in found}
+    reading = {id(entry) for matching in used for entry in matching}
     there = {*names, *(name.rsplit("/", 1)[-1] for name in names)}
     for number, entry in enumerate(mapping.tests, 1):
         missing = [name for name in entry.files if not set(name) & set("*?[") and name not in there]
@@ -219,13 +219,13 @@ def _order_seen(column: pd.Series) -> np.ndarray:
 def _from_name(path: Path, entry: TestMapping) -> dict[str, str]:
     if entry.from_name is None:
         return {}
-    found = re.search(entry.from_name.pattern, path.stem)
-    if found is None:
+    match = re.search(entry.from_name.pattern, path.stem)
+    if match is None:
         raise TableError(
             f"{path}: the name does not fit from_name pattern {entry.from_name.pattern!r}; rename the file or correct"
             " the pattern"
         )
-    return {key: text for key, text in found.groupdict().items() if text is not None}
+    return {key: text for key, text in match.groupdict().items() if text is not None}
 
 
 def _test(path: Path, entry: TestMapping, table: pd.DataFrame, part: str, named: dict[str, str]) -> Read:

@@ -68,18 +68,20 @@ def read_sources(sources: list[Path], mapping: Path | None = None) -> list[Mater
         For a table that cannot be read or cannot be true. The message names file, row, value and remedy.
     """
     declared = load_mapping(mapping) if mapping else None
-    found: dict[str, MaterialSource] = {}
+    materials: dict[str, MaterialSource] = {}
     for source in map(Path, sources):
         folder = source if source.is_dir() else source.parent
         for material in _read(source, declared):
             material = material if len(sources) == 1 else _below(folder, material)
-            found[material.name] = found[material.name] + material if material.name in found else material
-    found = {name: replace(m, tests=_distinct(m.tests)) for name, m in found.items()}
-    for name, material in found.items():
+            materials[material.name] = (
+                materials[material.name] + material if material.name in materials else material
+            )
+    materials = {name: replace(m, tests=_distinct(m.tests)) for name, m in materials.items()}
+    for name, material in materials.items():
         check_copies(name, material.tests)
     if mapping:
-        found = {name: replace(m, files=(*m.files, Path(mapping))) for name, m in found.items()}
-    return [found[name] for name in sorted(found)]
+        materials = {name: replace(m, files=(*m.files, Path(mapping))) for name, m in materials.items()}
+    return [materials[name] for name in sorted(materials)]
 
 
 def source_of(name: str, folder: Path, mapping: Path | None = None) -> MaterialSource:
@@ -218,16 +220,16 @@ def _board(
     if test.rigid_board is None or test.is_the_board:
         return None, []
     beside = (folder / test.source).with_name(test.rigid_board)
-    found = [path for path in (beside, *sorted(folder.rglob(test.rigid_board))) if path.is_file()]
+    boards = [path for path in (beside, *sorted(folder.rglob(test.rigid_board))) if path.is_file()]
     entry = mapping.entry_for(test.rigid_board)
-    if not found or entry is None:
+    if not boards or entry is None:
         raise TableError(
-            f"{folder / test.source}: rigid_board {test.rigid_board!r} is {'ignored' if found else 'not there'}; name the"
+            f"{folder / test.source}: rigid_board {test.rigid_board!r} is {'ignored' if boards else 'not there'}; name the"
             " file of an indentation that the mapping reads"
         )
-    board = read_mapped(found[0], entry)[0]
+    board = read_mapped(boards[0], entry)[0]
     if not isinstance(board, IndentationTest):
         raise TableError(
-            f"{found[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as an indentation"
+            f"{boards[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as an indentation"
         )
-    return board, found[:1]
+    return board, boards[:1]

@@ -175,19 +175,19 @@ def _search(z, F, radius, thickness):
     grid = np.linspace(before, inner[-1], 84)
     best = int(np.argmin([_cost(z, F, contact, radius, thickness) for contact in grid]))
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         lambda contact: _cost(z, F, contact, radius, thickness),
         bounds=(low, high),
         method="bounded",
         options={"xatol": 1e-6 * np.ptp(z)},
     ).x
-    beta, residual = _linear(z, F, found, radius, thickness)
+    beta, residual = _linear(z, F, minimum, radius, thickness)
     if best == 0 or not beta[1] > 0:
         raise ValueError(
             "no contact point is found: the force does not begin to rise within the travel, nor at its first row; start"
             " above the sample"
         )
-    return found, beta, residual
+    return minimum, beta, residual
 
 
 def _linear(z, F, contact, radius, thickness):
@@ -227,12 +227,12 @@ def _give(machine: IndentationTest, force) -> np.ndarray:
 def _refitted(z, F, radius, thickness, contact) -> float:
     """Return Young's modulus of forces F (n,), the contact point searched for near the one that is known."""
     width = 0.05 * np.ptp(z)
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         lambda at: _cost(z, F, at, radius, thickness),
         bounds=(contact - width, contact + width),
         method="bounded",
     )
-    return _linear(z, F, found.x, radius, thickness)[0][1]
+    return _linear(z, F, minimum.x, radius, thickness)[0][1]
 
 
 def _limits(deepest, radius, thickness, rows, machine) -> list[str]:

@@ -52,13 +52,13 @@ def point_number(law: PrincipalLaw) -> int:
 def point_constants(laws: Sequence[PrincipalLaw]) -> np.ndarray:
     """Return the constants (L, K) as principal_stress takes them, a law a row."""
     correction = 2 * any(isinstance(law, Corrected) for law in laws)
-    found = np.zeros((len(laws), max(len(_plain(law).point_constants) for law in laws) + correction))
-    for row, law in zip(found, laws):
+    constants = np.zeros((len(laws), max(len(_plain(law).point_constants) for law in laws) + correction))
+    for row, law in zip(constants, laws):
         own = _plain(law).point_constants
         row[: len(own)] = own
         if isinstance(law, Corrected):
             row[-2:] = law.C20, law.C30
-    return found
+    return constants
 
 
 def _plain(law: PrincipalLaw) -> PrincipalLaw:

@@ -105,9 +105,9 @@ def _ties(corner, hexahedra, used, shape) -> sp.csr_matrix:
             whole = (middle % len(group) == 0).all(axis=1)  # the smallest cells have no node at a middle
             middle = np.ravel_multi_index(np.moveaxis(middle[whole] // len(group), -1, 0), shape)
             place = np.clip(np.searchsorted(used, middle), 0, len(used) - 1)
-            found = (used[place] == middle) & ~hangs[place]
-            place, first = np.unique(place[found], return_index=True)
-            masters = hexahedra[whole][found][first][:, group]
+            midpoint = (used[place] == middle) & ~hangs[place]
+            place, first = np.unique(place[midpoint], return_index=True)
+            masters = hexahedra[whole][midpoint][first][:, group]
             hangs[place] = True
             rows.append(np.repeat(place, len(group)))
             columns.append(masters.ravel())

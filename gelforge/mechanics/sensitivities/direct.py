@@ -239,11 +239,11 @@ class _Chain:
         place (n,): theirs among the nodes at which derivatives are carried.
         """
         u, moved = self.u[:, place], self.moved[:, place]
-        found = np.empty((len(self.varied), len(held.nodes), 3))
+        differences = np.empty((len(self.varied), len(held.nodes), 3))
         # Of what leaves indenter, path, settings and nodes alone only the history counts: all of it is looked at together.
         together = np.flatnonzero(self.only_body & ~shifts.any(axis=1) & ~self.shift.any(axis=1))
         if len(together) and len(held.nodes):
-            found[together] = self._by_history(contact, held, together, u[together], moved[together])
+            differences[together] = self._by_history(contact, held, together, u[together], moved[together])
         for k in np.setdiff1d(np.arange(len(self.varied)), together):
             one = self.varied[k]
             other = beside(contact, held, one.body.mesh, one.indenter, one.settings)
@@ -256,8 +256,8 @@ class _Chain:
                 None if before.travel is None else before.travel + self.turn_of_path[k],
             )
             seen = seen_at(other, old, held.centre + shifts[k], held.u, held.pressure, held.active)
-            found[k] = force_change(held, held.seen.change_to(seen, one.amount))
-        return found
+            differences[k] = force_change(held, held.seen.change_to(seen, one.amount))
+        return differences
 
     def _by_history(
         self, contact: SurfaceContact, held: Held, which: np.ndarray, u: np.ndarray, moved: np.ndarray

@@ -188,12 +188,12 @@ class Press:
             lead = min(max(float(state.gap.min()), 0.0), length)
             while (length * stops[0] - lead) > FIRST_STEP * size * (1 + ROUNDING):
                 stops.insert(0, (length * stops[0] + lead) / 2 / length)
-        found, last = [], 0.0
+        shares, last = [], 0.0
         for stop in stops:
             n = max(1, math.ceil(length * (stop - last) / (s.longest_step * size) - ROUNDING))
-            found += [last + (stop - last) * k / n for k in range(1, n)] + [stop]
+            shares += [last + (stop - last) * k / n for k in range(1, n)] + [stop]
             last = stop
-        return found
+        return shares
 
     def iterations_allowed(self, halvings: int) -> int:
         """Return how many iterations a step may take that has been halved so often: the last one has more patience."""

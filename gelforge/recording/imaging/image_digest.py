@@ -35,8 +35,8 @@ def images_digest(folder: str | Path) -> str:
     states = {name: _state(path) for name, path in paths.items()}
     unknown = [name for name in paths if known.get(name, [None])[0] != states[name]]
     with ThreadPoolExecutor(THREADS) as pool:
-        found = dict(zip(unknown, pool.map(file_sha256, (paths[name] for name in unknown))))
-    content = {name: found.get(name) or known[name][1] for name in paths}
+        digests = dict(zip(unknown, pool.map(file_sha256, (paths[name] for name in unknown))))
+    content = {name: digests.get(name) or known[name][1] for name in paths}
     settled = time.time_ns() - SETTLED_NS
     keep = {name: [states[name], content[name]] for name in paths if max(states[name][1:]) < settled}
     if kept and keep != known:
@@ -56,8 +56,8 @@ def _files(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _state(path: Path) -> State:
-    found = os.stat(path)
-    return [found.st_size, found.st_mtime_ns, found.st_ctime_ns]
+    status = os.stat(path)
+    return [status.st_size, status.st_mtime_ns, status.st_ctime_ns]
 
 
 def _kept_file(folder: Path) -> Path | None:

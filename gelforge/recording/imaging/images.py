@@ -84,10 +84,10 @@ def check_images(folder: Path, images: pd.Series, session: Session) -> None:
             raise RecordingError(
                 f"{table}, row {line}: image {name} is not in {folder / 'images'}; copy it there"
             )
-        found = image_size(folder / "images" / name)
-        if found != size:
+        pixels = image_size(folder / "images" / name)
+        if pixels != size:
             raise RecordingError(
-                f"{folder / 'images' / name}: {found[0]} x {found[1]} px, but the reference frame has "
+                f"{folder / 'images' / name}: {pixels[0]} x {pixels[1]} px, but the reference frame has "
                 f"{size[0]} x {size[1]} "
                 "px; record both with the same camera settings"
             )

@@ -142,11 +142,11 @@ def find_boards(folder: str | Path, board: Board) -> Views:
                 f"{path}: {size[0]} x {size[1]} px, but {first} has {views.size[0]} x {views.size[1]} px; a calibration "
                 "is of one size, take the images of one camera at one setting"
             )
-        found, flipped = _corners(image, board)
-        if isinstance(found, str):
-            views.left_out[path.name] = found
+        corners, flipped = _corners(image, board)
+        if isinstance(corners, str):
+            views.left_out[path.name] = corners
         else:
-            views.seen.append(View(path.name, *found))
+            views.seen.append(View(path.name, *corners))
             flips.append(flipped)
     assert views is not None  # of the first path
     if board.marker_mm is not None and flips:

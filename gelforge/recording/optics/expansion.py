@@ -33,8 +33,8 @@ def centre_of_expansion(flow: np.ndarray, vanishing_px: np.ndarray | None) -> np
 
     def left(c: np.ndarray) -> np.ndarray:
         design = _design(points, c, vanishing_px, reach)
-        found = np.linalg.lstsq(design, mean.ravel(), rcond=1e-8)[0]
-        return design @ found - mean.ravel()
+        solution = np.linalg.lstsq(design, mean.ravel(), rcond=1e-8)[0]
+        return design @ solution - mean.ravel()
 
     return least_squares(left, start, diff_step=1e-4, x_scale=reach, max_nfev=30).x
 

@@ -215,6 +215,6 @@ def remap_to(
 
 def differences(camera: Camera, view: Camera) -> str:
     """Return what differs between two cameras, a few words per key."""
-    found, known = camera.model_dump(), view.model_dump()
-    keys = [key for key in {**known, **found} if found.get(key) != known.get(key)]
-    return ", ".join(f"{key} {found.get(key)} instead of {known.get(key)}" for key in keys)
+    described, known = camera.model_dump(), view.model_dump()
+    keys = [key for key in {**known, **described} if described.get(key) != known.get(key)]
+    return ", ".join(f"{key} {described.get(key)} instead of {known.get(key)}" for key in keys)

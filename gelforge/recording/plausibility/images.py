@@ -51,7 +51,7 @@ def image_content(series: ImageSeries) -> list[Finding]:
         limit = float(LEAST_LEVELS)
         return [Finding("image_content", "error", "image", text, remedy, value=series.levels, limit=limit)]
     table = series.table[series.blank]
-    found = [
+    findings = [
         _one(
             row,
             "image_content",
@@ -62,7 +62,7 @@ def image_content(series: ImageSeries) -> list[Finding]:
         )
         for row in table.itertuples()
     ]
-    return mostly(found, len(series.table))
+    return mostly(findings, len(series.table))
 
 
 def _look(grey: float) -> str:
@@ -80,7 +80,7 @@ def image_exposure(series: ImageSeries) -> list[Finding]:
     usual = table["press"].map(zero).astype(float).fillna(around)
     step = (table["gain"] / usual - 1).abs()
     held = table["phase"] != "zero"
-    found = [
+    findings = [
         _one(
             row,
             "image_exposure",
@@ -92,7 +92,7 @@ def image_exposure(series: ImageSeries) -> list[Finding]:
         )
         for row in table[held & (step > EXPOSURE_STEP)].itertuples()
     ]
-    return mostly(found, int(held.sum()))
+    return mostly(findings, int(held.sum()))
 
 
 def image_bands(series: ImageSeries) -> list[Finding]:
@@ -101,7 +101,7 @@ def image_bands(series: ImageSeries) -> list[Finding]:
     untouched = table[table["phase"] == "zero"]
     if "bands" not in table or untouched.empty or (untouched["bands"] > BANDS).mean() < BANDED_SHARE:
         return []
-    found = [
+    findings = [
         _one(
             row,
             "image_bands",
@@ -114,7 +114,7 @@ def image_bands(series: ImageSeries) -> list[Finding]:
         )
         for row in table[table["bands"] > BANDS].itertuples()
     ]
-    return mostly(found, len(table))
+    return mostly(findings, len(table))
 
 
 def image_repeats(series: ImageSeries) -> list[Finding]:
@@ -124,14 +124,14 @@ def image_repeats(series: ImageSeries) -> list[Finding]:
     of one place, or at depths so close that no grey level changes.
     """
     seen: dict[str, tuple[float, float, float]] = {series.reference: (np.nan, np.nan, 0.0)}
-    found = []
+    findings = []
     for row, depth in zip(series.shown.itertuples(), series.depth):
         x, y, earlier = seen.setdefault(row.pixels, (row.x_mm, row.y_mm, depth))
         same_place = (x, y) == (row.x_mm, row.y_mm) or min(depth, earlier) <= 0
         moved_mm = abs(depth - earlier) if same_place else max(depth, earlier)
         moved_px = moved_mm * series.px_per_mm
         if moved_px > REPEAT_PX:
-            found.append(
+            findings.append(
                 _one(
                     row,
                     "image_repeats",
@@ -142,7 +142,7 @@ def image_repeats(series: ImageSeries) -> list[Finding]:
                     "px",
                 )
             )
-    return mostly(found, len(series.table))
+    return mostly(findings, len(series.table))
 
 
 def image_in_step(series: ImageSeries) -> list[Finding]:
@@ -191,7 +191,7 @@ def image_before_touch(series: ImageSeries) -> list[Finding]:
     before, spread = series.floor_px
     limit = max(before + SPREADS * spread, ONE_BEFORE_SHARE * series.answer_px)
     table = series.before[series.before["flow_px"] > limit]
-    found = [
+    findings = [
         _one(
             row,
             "image_before_touch",
@@ -203,7 +203,7 @@ def image_before_touch(series: ImageSeries) -> list[Finding]:
         )
         for row in table.itertuples()
     ]
-    return mostly(found, len(series.before))
+    return mostly(findings, len(series.before))
 
 
 def image_alike(series: ImageSeries) -> list[Finding]:
@@ -213,7 +213,7 @@ def image_alike(series: ImageSeries) -> list[Finding]:
     depth = held["depth_mm"].round(2)
     usual = held.groupby([held["press"], depth])["flow_px"].transform("median")
     few, many = usual / ALIKE - SPREADS * spread, usual * ALIKE + SPREADS * spread
-    found = [
+    findings = [
         _one(
             row,
             "image_alike",
@@ -225,7 +225,7 @@ def image_alike(series: ImageSeries) -> list[Finding]:
         )
         for row in held[(held["flow_px"] < few) | (held["flow_px"] > many)].itertuples()
     ]
-    return mostly(found, len(held))
+    return mostly(findings, len(held))
 
 
 def image_grows(series: ImageSeries) -> list[Finding]:
@@ -235,7 +235,7 @@ def image_grows(series: ImageSeries) -> list[Finding]:
     """
     before, spread = series.floor_px
     held = series.shown.assign(depth_mm=series.depth)[series.depth > 0]
-    found, compared = [], 0
+    findings, compared = [], 0
     for _, place in held.groupby([held["x_mm"].round(2), held["y_mm"].round(2)], sort=False):
         presses = place.groupby("press", sort=False).agg(
             depth=("depth_mm", "max"), flow=("flow_px", "median")
@@ -255,13 +255,13 @@ def image_grows(series: ImageSeries) -> list[Finding]:
                 "the images belong to another row, or the flow lost the surface: record the indentation anew"
             )
             first = rows.iloc[0]
-            found.append(
+            findings.append(
                 Finding(
                     "image_grows", "excluded", "image", text, remedy, press, float(first["time_s"]), flow, limit, "px",
                     tuple(rows.index),
                 )
             )  # fmt: skip
-    return mostly(found, compared)
+    return mostly(findings, compared)
 
 
 def flow_lost_of(table: pd.DataFrame) -> list[Finding]:

@@ -51,7 +51,7 @@ def repeats(readings: pd.DataFrame, indentations: pd.DataFrame, force: ForceSens
     expected = np.zeros(len(depth)) if usual is None else EXPECTED * usual.at(depth)
     hidden = resolution[normal] + scatter_N(readings, RAW)[normal]
     number = (readings["press"] != readings["press"].shift()).cumsum().to_numpy()
-    found = []
+    runs = []
     for axis, name in enumerate(RAW):
         value = readings[name].to_numpy()
         starts = np.flatnonzero(np.concatenate([[True], np.diff(value) != 0]))
@@ -65,8 +65,8 @@ def repeats(readings: pd.DataFrame, indentations: pd.DataFrame, force: ForceSens
             steps = STEPS if number[end - 1] - number[start] + 1 < IN_TURN else STEPS_IN_TURN
             dead = axis == normal and np.ptp(expected[start:end]) > steps * hidden
             if dead or too_even(start, end):
-                found.append(Run(axis, float(value[start]), tuple(readings.index[start:end])))
-    return found
+                runs.append(Run(axis, float(value[start]), tuple(readings.index[start:end])))
+    return runs
 
 
 def _without_chance(number: np.ndarray, depth: np.ndarray, start: int, end: int) -> tuple[int, int]:

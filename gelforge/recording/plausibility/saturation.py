@@ -39,7 +39,7 @@ def force_saturates(data: SessionData) -> list[Finding]:
     still = data.readings[data.readings["phase"] == "zero"].dropna(subset=RAW)
     if held.empty:
         return []
-    found: dict[str, Finding] = {}
+    findings: dict[str, Finding] = {}
     zeros = {name: float(still[name].median()) if len(still) else 0.0 for name in RAW}
     pressed = max(RAW, key=lambda name: (held[name] - zeros[name]).abs().median())
     for axis, name in enumerate(RAW):
@@ -54,8 +54,8 @@ def force_saturates(data: SessionData) -> list[Finding]:
                 or (name == pressed and _short_of_proportion(data, held, zero, name, top, step))
             ):
                 for finding in _findings(held, name[:2], extreme, top):
-                    found.setdefault(finding.press, finding)
-    return mostly(list(found.values()), data.readings["press"].nunique())
+                    findings.setdefault(finding.press, finding)
+    return mostly(list(findings.values()), data.readings["press"].nunique())
 
 
 def _step(readings: pd.Series, resolution: float) -> float:

@@ -40,13 +40,13 @@ def force_spikes(data: SessionData) -> list[Finding]:
         return []
     measured = [_beyond(rows, data.floor_N) for rows in presses]
     floors = isolated_floors(np.concatenate([beyond for beyond, _ in measured]) / data.floor_N) * data.floor_N
-    found = []
+    findings = []
     for rows, (beyond, share) in zip(presses, measured):
         limit = np.maximum(floors, share)
         k, axis = np.unravel_index((beyond / limit).argmax(), beyond.shape)
         if beyond[k, axis] > limit[k, axis]:
-            found.append(_finding(rows, k + 1, axis, float(beyond[k, axis]), float(limit[k, axis])))
-    return mostly(found, len(data.indentations))
+            findings.append(_finding(rows, k + 1, axis, float(beyond[k, axis]), float(limit[k, axis])))
+    return mostly(findings, len(data.indentations))
 
 
 def _beyond(rows: pd.DataFrame, floor_N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

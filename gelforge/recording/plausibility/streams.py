@@ -128,11 +128,11 @@ def gap_findings(table: pd.DataFrame, raw: np.ndarray, log: ForceLog, session: S
     at = pd.DataFrame(
         {"press": table["press"], "gap": after - before, "lost": lost, "zero": table["phase"] == "zero"}
     )
-    found = []
+    findings = []
     for press, rows in at[at["press"].isin(at.loc[at["lost"], "press"])].groupby("press", sort=False):
         blind = not session.force.tared and rows.loc[rows["zero"], "lost"].all()
         first = rows.index[rows["lost"].argmax()]
-        found.append(
+        findings.append(
             Finding(
                 test="gap",
                 level="excluded",
@@ -147,4 +147,4 @@ def gap_findings(table: pd.DataFrame, raw: np.ndarray, log: ForceLog, session: S
                 rows=tuple(rows.index if blind else rows.index[rows["lost"]]),
             )
         )
-    return found if "gap" in session.confirmed else mostly(found, at["press"].nunique())
+    return findings if "gap" in session.confirmed else mostly(findings, at["press"].nunique())

@@ -148,7 +148,7 @@ def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
     upright &= ~np.array(cell.twists_deg or np.zeros(count)).astype(bool)
     phases = np.array(cell.phases or ("load",) * count)
     read = rows[["depth_mm", "x_mm", "y_mm"]].to_numpy()
-    found, first = np.full(len(rows), -1), 0
+    steps, first = np.full(len(rows), -1), 0
     for number, phase in enumerate(rows["phase"]):
         same = upright & np.isin(phases, list(PLANNED.get(phase, ())))
         same &= within(np.abs(pose[:, 0] - read[number, 0]), DEPTH_MATCH_MM)
@@ -156,8 +156,8 @@ def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
         later = np.flatnonzero(same[first:])
         if len(later):
             first += later[0]
-            found[number] = first
-    return found
+            steps[number] = first
+    return steps
 
 
 def path_steps(readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.ndarray:

@@ -48,10 +48,10 @@ def network_words(
     that errors on training rows say nothing of them. has_budget: the parts of the error are known, and the remedy follows
     from them (`budget_words`), not from here.
     """
-    found = beside_baselines(baselines)
-    if found is None:
+    standing = beside_baselines(baselines)
+    if standing is None:
         return "No test row is pressed: nothing can be said of the network."
-    own, best, _ = found
+    own, best, _ = standing
     times = over_training_rows(errors)
     early = _ended_early(np.nan if only_simulated else times, loss)
     remedy = "" if has_budget or early else _remedy(by, times, own < CLEARLY * best)
@@ -89,11 +89,13 @@ def _last_fall(loss: pd.DataFrame) -> float:
 
 def _where(by: pd.DataFrame) -> str:
     """Return the class of places whose error stands out, and the depth of the largest error of the total."""
-    found = _outstanding(by, "place")
+    outstanding = _outstanding(by, "place")
     depth = by[by["by"] == "depth"]
     words = []
-    if found is not None:
-        words.append(f"The error of a pressed bin is largest {found['class']}: {millinewtons(found[ERROR])}.")
+    if outstanding is not None:
+        words.append(
+            f"The error of a pressed bin is largest {outstanding['class']}: {millinewtons(outstanding[ERROR])}."
+        )
     if len(depth) > 1:
         worst = depth.loc[depth["total_Fz_rms_N"].idxmax()]
         words.append(

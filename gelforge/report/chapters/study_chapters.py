@@ -154,10 +154,10 @@ def _curve(results: StudyResults, title: str, sites: list[PlannedCell]) -> Force
 
 def _variant_curves(results: StudyResults, name: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return depths [mm] and Fz [N] of a site by variant, of the variants that have solved it."""
-    found = {variant: results.variant_cell(variant, name) for variant in results.study.variants}
+    cells = {variant: results.variant_cell(variant, name) for variant in results.study.variants}
     return {
         variant: (cell.arrays["depth_mm"], cell.arrays["total_force_N"][:, 2])
-        for variant, cell in found.items()
+        for variant, cell in cells.items()
         if cell
     }
 

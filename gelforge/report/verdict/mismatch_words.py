@@ -98,12 +98,12 @@ def span_text(span: tuple[float, float] | None) -> str | None:
 
 def shape_text(shape: Mapping[str, float | str]) -> str:
     """Return an effect's place, part or time, two to a line: "x 9.07 mm, y 13 mm; z -3 mm, radius 1.2 mm"."""
-    found = []
+    texts = []
     for key, value in shape.items():
         name, _, unit = key.rpartition("_") if key.endswith(UNITS) else (key, "", "")
         said = value if isinstance(value, str) else f"{value:.3g}"
-        found.append(" ".join(filter(None, (pretty(name), said, unit))))
-    return "; ".join(", ".join(found[k : k + 2]) for k in range(0, len(found), 2))
+        texts.append(" ".join(filter(None, (pretty(name), said, unit))))
+    return "; ".join(", ".join(texts[k : k + 2]) for k in range(0, len(texts), 2))
 
 
 def value_text(effect: NamedEffect) -> str:

@@ -197,12 +197,12 @@ class OgdenFamily(Family):
         # the triangle of the weighted columns keeps all their inner products
         columns = weight[:, None] * np.column_stack([phi, stress])
         R = cast(np.ndarray, np.linalg.qr(columns, mode="r"))  # numpy's types know of Q and R only
-        found = []
+        ranked = []
         for chosen in combinations(range(len(START_EXPONENTS)), self.terms):
             g, misfit = optimize.nnls(R[:, list(chosen)], R[:, -1])
-            found.append((misfit, chosen, g))
+            ranked.append((misfit, chosen, g))
         starts = []
-        for _, chosen, g in sorted(found, key=lambda f: f[:2])[:STARTS]:
+        for _, chosen, g in sorted(ranked, key=lambda f: f[:2])[:STARTS]:
             g = np.maximum(g, 1e-4 * g.sum())  # a term that starts at nothing could not grow in ln g
             theta = np.column_stack([np.log(g), np.array(START_EXPONENTS)[list(chosen)]]).ravel()
             starts.append(np.clip(theta, *self.bounds(points, stiffness)))

@@ -46,9 +46,9 @@ def read_label(path: str | Path, row: int | None = None) -> Label:
             return _cell_label(file, path, row)
         if "force_distribution_N" in file:
             return _shard_label(file, path, row)
-        found = file.attrs.get("format", "no format attribute")
+        stated = file.attrs.get("format", "no format attribute")
     raise LabelError(
-        f"{path}: neither a site ({CELL_FORMAT}) nor a shard (force_distribution_N); found {found}"
+        f"{path}: neither a site ({CELL_FORMAT}) nor a shard (force_distribution_N); found {stated}"
     )
 
 
