@@ -235,11 +235,11 @@ def duration(seconds: float) -> str:
     >>> duration(200)
     '3 min 20 s'
     """
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 600:
-        minutes, rest = divmod(10 * round(whole / 10), 60)
+    rounded = round(seconds)
+    if rounded < 60:
+        return f"{rounded} s"
+    if rounded < 600:
+        minutes, rest = divmod(10 * round(rounded / 10), 60)
         return f"{minutes} min {rest} s" if rest else f"{minutes} min"
     minutes = round(seconds / 60)
     if minutes < 60:

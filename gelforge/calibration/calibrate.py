@@ -68,8 +68,8 @@ def calibrate_folder(
     SolverFailed
         Where the study cannot be solved at the priors' means.
     """
-    own = recording.resolve() == study.data_folder.resolve()
-    folders = session_folders(recording, study.sessions if own else ())
+    of_study = recording.resolve() == study.data_folder.resolve()
+    folders = session_folders(recording, study.sessions if of_study else ())
     check_matches(folders, study)
     recordings = read_all(folders, study.sensor)
     solver = solver_of(study, out, list(laws), kept or out / SOLUTIONS, workers, recordings)

@@ -100,7 +100,9 @@ class Linear:
         problem, step = self.problem, at - self.at
         missing = problem.observations.flat(base - problem.base) - self.columns @ step
         columns = secant(self.columns, missing, step, self.prior_sd)
-        parts = [replace(part, columns=own[:, None]) for part, own in zip(problem.candidates, columns.T)]
+        parts = [
+            replace(part, columns=column[:, None]) for part, column in zip(problem.candidates, columns.T)
+        ]
         return Linear(at, replace(problem, base=base, candidates=parts), study)
 
     def taught_by(self, other: Linear) -> Linear:
@@ -149,8 +151,8 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
     Raises SolverFailed where the study cannot be solved at the priors' means.
     """
     a = np.zeros(len(free))
-    own = np.array([one.coordinate(one.start) for one in free])
-    study = _study_at(solver.study, free, own, a)
+    given = np.array([one.coordinate(one.start) for one in free])
+    study = _study_at(solver.study, free, given, a)
     linear = start = _about(replace(solver, study=study), observations, free, a, first=True)
     observations, every = start.problem.observations, np.ones(len(start.problem.labels), bool)
     across = False

@@ -211,8 +211,8 @@ def free_of(study: Study, laws: Laws, names: Sequence[str], priors: Mapping[str,
         raise ConfigError(f"--prior {unused}: not among --free; add it there")
     parameters = [_free(study, laws, name, priors.get(name)) for name in dict.fromkeys(names)]
     for kind in MATERIAL_KINDS:
-        own = [one.material for one in parameters if one.name.endswith(f".{kind}")]
-        if len(own) > len(set(own)):
+        materials = [one.material for one in parameters if one.name.endswith(f".{kind}")]
+        if len(materials) > len(set(materials)):
             raise ConfigError(f"two layers of one material have one {kind}; name one of them in --free")
     return parameters
 
@@ -223,10 +223,10 @@ def _free(study: Study, laws: Laws, name: str, prior: Prior | None) -> Free:
     layers: list[str] = []
     material = None
     if kind.per_layer:
-        own = next(one.material for one in study.sensor.layers if one.name == layer)
-        alike = [one.name for one in study.sensor.layers if one.material == own]
+        of_layer = next(one.material for one in study.sensor.layers if one.name == layer)
+        same_material = [one.name for one in study.sensor.layers if one.material == of_layer]
         of_material = kind_name in MATERIAL_KINDS
-        layers, material = (alike if of_material else [layer]), (own if of_material else None)
+        layers, material = (same_material if of_material else [layer]), (of_layer if of_material else None)
     value = kind.value(study, laws, layers)
     if prior is None and kind.factor:
         prior = Prior(value / kind.factor, value * kind.factor, kind.source)

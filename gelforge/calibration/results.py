@@ -130,21 +130,21 @@ def calibrated_materials(
     names = list(dict.fromkeys(one.material for one in fit.free if one.material))
     calibrated = {}
     for name in names:
-        own = [k for k, one in enumerate(fit.free) if one.material == name]
-        factors = [{kind_of(fit.free[k].name): fit.free[k].value(fit.a[k]) / fit.free[k].start} for k in own]
+        rows = [k for k, one in enumerate(fit.free) if one.material == name]
+        factors = [{kind_of(fit.free[k].name): fit.free[k].value(fit.a[k]) / fit.free[k].start} for k in rows]
         at = {kind: 1.0 for kind in MATERIAL_KINDS} | {key: v for one in factors for key, v in one.items()}
         law = scaled(materials[name].law, at)
         J = np.column_stack([_slope(materials[name].law, at, kind) for one in factors for kind in one])
         calibrated[name] = replace(
             MaterialLaw(name, law, inputs),
-            covariance=J @ fit.covariance[np.ix_(own, own)] @ J.T,
-            covariance_from=f"posterior of {', '.join(fit.free[k].name for k in own)} by the presses of {title}",
+            covariance=J @ fit.covariance[np.ix_(rows, rows)] @ J.T,
+            covariance_from=f"posterior of {', '.join(fit.free[k].name for k in rows)} by the presses of {title}",
             synthetic=synthetic,
             fitted_by="calibrated to presses (gelforge calibrate)",
             notes=(
                 "calibrated together with what else was free: errors that it shares with those are not in this file",
             )
-            if len(fit.free) > len(own)
+            if len(fit.free) > len(rows)
             else (),
         )
     return calibrated

@@ -26,8 +26,8 @@ def study_file(text: str) -> Path:
     """Return the YAML file of a study given by its name or its file; a file is opened, and may be refused, later."""
     if text.endswith((".yaml", ".yml")) or "/" in text or Path(text).is_file():
         return Path(text)
-    if (own := CONFIG / f"{text}.yaml").is_file():
-        return own
+    if (named := CONFIG / f"{text}.yaml").is_file():
+        return named
     names = study_names()
     if text in names:
         return names[text]

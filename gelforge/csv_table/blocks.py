@@ -39,7 +39,10 @@ def blocks(path: Path, needed: Sequence[str], form: CsvForm) -> list[tuple[str, 
         tables.append(replace(form, skip_rows=head, last_line=last, header_begins_with=None))
         title_from = last
     usual = len(above[1])  # above the first one stands the head of the whole file too
-    return [(_title(own[max(len(own) - usual, 0) :], separator), part) for own, part in zip(above, tables)]
+    return [
+        (_title(lines_above[max(len(lines_above) - usual, 0) :], separator), part)
+        for lines_above, part in zip(above, tables)
+    ]
 
 
 def _cells(line: str, separator: str) -> list[str]:

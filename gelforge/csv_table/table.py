@@ -375,9 +375,9 @@ def _drop_units(path: Path, header: list[str], rows: list, form: CsvForm, number
 
 def _filter(path: Path, header: list[str], rows: list, form: CsvForm, signs: Signs) -> None:
     """Remove the rows of others in one table, and those that the filters do not keep."""
-    own = [header.index(name) for name in form.shared_with]
-    if own:
-        rows[1:] = [row for row in rows[1:] if any(row[1][at].lower() not in NOTHING for at in own)]
+    columns = [header.index(name) for name in form.shared_with]
+    if columns:
+        rows[1:] = [row for row in rows[1:] if any(row[1][at].lower() not in NOTHING for at in columns)]
     for condition in form.rows:
         if condition.column not in header:
             raise TableError(

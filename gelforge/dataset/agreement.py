@@ -49,12 +49,12 @@ def agreement_table(
     measured = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=COLUMNS)
     own_labels = own_labels or {}
     rows = _with_sites(measured[~measured["session"].isin(own_labels)], cell_files, cell_digests or {})
-    for session, own in own_labels.items():
+    for session, labels in own_labels.items():
         presses = measured[measured["session"] == session]
-        if isinstance(own, OwnPresses):
-            rows.append(_with_presses(presses, own))
+        if isinstance(labels, OwnPresses):
+            rows.append(_with_presses(presses, labels))
         else:
-            rows += _with_sites(presses, own.files, own.digests)
+            rows += _with_sites(presses, labels.files, labels.digests)
     table = pd.concat(rows).sort_index() if rows else measured.iloc[:0]
     return table.reindex(columns=COLUMNS).reset_index(drop=True)
 
@@ -116,10 +116,10 @@ def _with_fem(presses: pd.DataFrame, cell: Cell, path: str | Path) -> pd.DataFra
     return presses.assign(**{f"fem_{axis}_N": total[step, i] for i, axis in enumerate(AXES)})
 
 
-def _with_presses(presses: pd.DataFrame, own: OwnPresses) -> pd.DataFrame:
+def _with_presses(presses: pd.DataFrame, labels: OwnPresses) -> pd.DataFrame:
     """Return the indentations with forces of their own; those that failed are left out."""
-    known = presses[[not own.reason(press) for press in presses["press"]]]
-    total = np.array([own.totals[press] for press in known["press"]]).reshape(-1, 3)
+    known = presses[[not labels.reason(press) for press in presses["press"]]]
+    total = np.array([labels.totals[press] for press in known["press"]]).reshape(-1, 3)
     return known.assign(**{f"fem_{axis}_N": total[:, i] for i, axis in enumerate(AXES)})
 
 

@@ -149,9 +149,9 @@ def _finer_level(depth: np.ndarray, height: np.ndarray, level: float, lag: float
     step, best = np.ptp(depth) / (LEVELS + 1), (-1.0, level, POWER)
     for shift in range(round(lag / GRID_S) - NEAR_STEPS, round(lag / GRID_S) + NEAR_STEPS + 1, 2):
         a, b = max(0, -shift), min(len(depth), len(height) - shift)
-        own, seen = depth[a:b], height[a + shift : b + shift]
-        tries = np.linspace(level - 2 * step, min(level + step, own.max() - 0.1 * step), 61)
-        beyond = np.maximum(own[None, :] - tries[:, None], 0.0)
+        travel, seen = depth[a:b], height[a + shift : b + shift]
+        tries = np.linspace(level - 2 * step, min(level + step, travel.max() - 0.1 * step), 61)
+        beyond = np.maximum(travel[None, :] - tries[:, None], 0.0)
         for power in POWERS:
             models = beyond**power
             correlation = models @ seen / np.sqrt((models**2).sum(axis=1))
@@ -195,11 +195,11 @@ def contradictions(grid, depth, times, height, lag: float) -> int:
     start, end = max(grid[0], times[0] - lag) + MARGIN_S, min(grid[-1], times[-1] - lag) - MARGIN_S
     pairs = [(grid, depth, times - lag, height), (times - lag, height, grid, depth)]
     count = 0
-    for own_s, own, other_s, other in pairs:
-        strong, weak = _strong(own, STRONG), _strong(other, 0.1 * STRONG)
-        for first, last in runs_above(own, 0.1 * strong):
+    for own_s, shown, other_s, other in pairs:
+        strong, weak = _strong(shown, STRONG), _strong(other, 0.1 * STRONG)
+        for first, last in runs_above(shown, 0.1 * strong):
             inside = own_s[first] >= start and own_s[last] <= end
-            if not inside or own[first : last + 1].max() < strong:
+            if not inside or shown[first : last + 1].max() < strong:
                 continue
             a, b = np.searchsorted(other_s, [own_s[first], own_s[last]])
             count += not (other[a : b + 1] > weak).any()

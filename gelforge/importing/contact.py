@@ -121,8 +121,8 @@ def _thinned(s, f) -> tuple[np.ndarray, np.ndarray]:
     count = len(s) // MOST_SAMPLES + 1
     if count == 1:
         return s, f
-    whole = len(s) // count * count
-    return s[:whole].reshape(-1, count).mean(axis=1), f[:whole].reshape(-1, count).mean(axis=1)
+    full = len(s) // count * count
+    return s[:full].reshape(-1, count).mean(axis=1), f[:full].reshape(-1, count).mean(axis=1)
 
 
 def _inflation(noise: np.ndarray) -> float:

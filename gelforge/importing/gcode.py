@@ -108,7 +108,7 @@ def _gone(time: np.ndarray, way: float, speed: float, acceleration: float | None
     if acceleration is None:
         return np.minimum(time * speed / way, 1.0)
     peak = min(speed, np.sqrt(way * acceleration))
-    ramp, whole = peak / acceleration, peak / acceleration + way / peak
-    begun, ended = np.minimum(time, ramp), np.clip(time - (whole - ramp), 0.0, ramp)
+    ramp, total = peak / acceleration, peak / acceleration + way / peak
+    begun, ended = np.minimum(time, ramp), np.clip(time - (total - ramp), 0.0, ramp)
     gone = 0.5 * acceleration * (begun**2 - ended**2) + peak * np.clip(time - ramp, 0.0, None)
     return np.clip(gone / way, 0.0, 1.0)

@@ -221,16 +221,16 @@ def stamped(clock: Clock | StageSource) -> bool:
 def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:
     """Return the keys of session.yaml's depth_zero: how it was found, and its scatter [mm]."""
     contacts_mm = np.array([press.contact.travel_mm for press in presses.kept])
-    own = float(np.median([press.contact.sd_mm for press in presses.kept]))
+    error_mm = float(np.median([press.contact.sd_mm for press in presses.kept]))
     if mapping.depth_zero == "press":
         return {
             "by": "press",
             "how": "contact point of each indentation, from force over travel",
-            "press_scatter_mm": round(own, 5),
+            "press_scatter_mm": round(error_mm, 5),
         }
-    spread = float(np.std(contacts_mm, ddof=1)) if len(contacts_mm) > 1 else own
+    spread = float(np.std(contacts_mm, ddof=1)) if len(contacts_mm) > 1 else error_mm
     # What the points scatter by beyond the errors they were found with is that of the surface and the stage.
-    beyond = max(spread**2 - own**2, spread**2 / len(contacts_mm))
+    beyond = max(spread**2 - error_mm**2, spread**2 / len(contacts_mm))
     keys = {"by": "session", "press_scatter_mm": round(float(np.sqrt(beyond)), 5)}
     if isinstance(mapping.depth_zero, Surface):
         return keys | {"how": f"the laboratory's own, at {mapping.depth_zero.at_mm:g} mm of the stage"}

@@ -128,5 +128,5 @@ def _with_zeros(table: pd.DataFrame, tared: bool) -> pd.DataFrame:
     before = first.assign(phase="zero", depth_mm=np.nan, path=None, time_s=first["time_s"] - STEP_S / 2)
     before[FORCE] = 0.0
     order = table.groupby("press", sort=False).ngroup()
-    whole = pd.concat([before.assign(at=order), table.assign(at=order)])
-    return whole.sort_values(["at", "time_s"], kind="stable").drop(columns="at").reset_index(drop=True)
+    both = pd.concat([before.assign(at=order), table.assign(at=order)])
+    return both.sort_values(["at", "time_s"], kind="stable").drop(columns="at").reset_index(drop=True)

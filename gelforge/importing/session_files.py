@@ -51,13 +51,13 @@ def rows_of_presses(
     """
     rows, images = [], {}
     for order, (press, zero) in enumerate(zip(presses, zero_mm)):
-        own = _rows(press, zero, stage, frames, mapping, tolerance_mm)
-        for number, row in enumerate(own):
+        of_press = _rows(press, zero, stage, frames, mapping, tolerance_mm)
+        for number, row in enumerate(of_press):
             row |= {"press": f"p{press.number:03d}", "cell": "", "order": order, "image": ""}
             if (frame := row.pop("frame", None)) is not None:
                 row["image"] = f"{row['press']}_{number:02d}_{row['phase']}.png"
                 images[row["image"]] = frame
-        rows += own
+        rows += of_press
     table = pd.DataFrame(rows).reindex(columns=COLUMNS)
     return table, images
 

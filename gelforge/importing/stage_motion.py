@@ -72,8 +72,8 @@ def excursions(
     valleys = [int(a + travel[a : b + 1].argmin()) for a, b in zip(peaks, peaks[1:])]
     out = []
     for first, top, last in zip([0, *valleys], peaks, [*valleys, len(time) - 1]):
-        own = tuple(wait for wait in waits if first <= wait.first and wait.last <= last)
-        out.append(Excursion(first, int(top), last, own))
+        within = tuple(wait for wait in waits if first <= wait.first and wait.last <= last)
+        out.append(Excursion(first, int(top), last, within))
     return out
 
 

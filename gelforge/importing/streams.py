@@ -67,8 +67,8 @@ def counts_above_header(path: Path, source: ForceSource, values: np.ndarray) -> 
     None for values that are no whole numbers: they are forces already. Raises ImportingError where the lines state another
     unit than the mapping.
     """
-    whole = values / UNITS[known_unit(source.unit)][1]
-    if is_bag(path) or not (np.abs(whole - np.round(whole)) < 1e-6).all():
+    recorded = values / UNITS[known_unit(source.unit)][1]
+    if is_bag(path) or not (np.abs(recorded - np.round(recorded)) < 1e-6).all():
         return None
     top = lines_of(path, source.table.csv_form({}))[:MOST_LINES_ABOVE]
     head = next((i for i, line in enumerate(top) if all(name in line for name in source.columns)), 0)

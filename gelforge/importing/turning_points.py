@@ -42,12 +42,12 @@ class Bends:
         """Return time, weighted mean lag and its standard deviation of each indentation [s]."""
         rows = []
         for number in np.unique(self.excursion):
-            own = self.excursion == number
-            weight = 1 / self.sd_s[own] ** 2
+            of_press = self.excursion == number
+            weight = 1 / self.sd_s[of_press] ** 2
             rows.append(
                 (
-                    self.at_s[own].mean(),
-                    np.average(self.lag_s[own], weights=weight),
+                    self.at_s[of_press].mean(),
+                    np.average(self.lag_s[of_press], weights=weight),
                     np.sqrt(1 / weight.sum()),
                 )
             )

@@ -92,8 +92,8 @@ def _shares(at: np.ndarray, half: np.ndarray, width: float, n: int) -> tuple[sli
     inner = np.arange(first + 1, last) * edge
     u = np.clip((inner - at[:, None]) / half[:, None], -1.0, 1.0)
     below = np.where(u < 0, (1 + u) ** 2 / 2, 1 - (1 - u) ** 2 / 2)  # of a hat's integral, left of each edge
-    none, whole = np.zeros((len(at), 1)), np.ones((len(at), 1))
-    return slice(first, last), np.diff(np.hstack([none, below, whole]), axis=1)
+    none, ones = np.zeros((len(at), 1)), np.ones((len(at), 1))
+    return slice(first, last), np.diff(np.hstack([none, below, ones]), axis=1)
 
 
 def moved_map(values: np.ndarray, by: np.ndarray, sensor: Sensor) -> np.ndarray:

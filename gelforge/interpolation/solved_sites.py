@@ -171,7 +171,9 @@ class SolvedSites:
         weights = place_weights(places[chosen], position)
         near = [usable[k] for k in chosen]
         along = [depth_weights(np.array(self.lattice.depths_mm), depth) for depth in depths]
-        whole = len(depths) == len(self.lattice.depths_mm) and all(len(numbers) == 1 for numbers, _ in along)
+        complete = len(depths) == len(self.lattice.depths_mm) and all(
+            len(numbers) == 1 for numbers, _ in along
+        )
 
         def mixed(values: np.ndarray) -> np.ndarray:  # (D, ...) of a site -> at the depths asked for
             return np.stack([np.tensordot(w, values[numbers], 1) for numbers, w in along])
@@ -181,7 +183,7 @@ class SolvedSites:
             # A sheet that tilts or a yawed machine does not press where it is commanded: by how much is linear in the place.
             bins += weight * (
                 site.forces.binned(position, self.sensor)
-                if whole
+                if complete
                 else self._over_depths(site.forces, position, depths, along)
             )
         reaction = sum(w * mixed(site.reaction) for site, w in zip(near, weights))
@@ -321,9 +323,9 @@ class SolvedSites:
         bars = {at: site.bars for at, site in self.sites.items()}
         line_part = self._line_part(position)
         for quantity in ("bin", "total"):
-            for own in OWN:
-                if (bar := carried(f"{quantity}_{own}", bars)) is not None:
-                    by_array[f"{quantity}_{own}"] = bar
+            for origin in OWN:
+                if (bar := carried(f"{quantity}_{origin}", bars)) is not None:
+                    by_array[f"{quantity}_{origin}"] = bar
             square = np.zeros(())
             for kind, part in (("", SITE_PART), ("_line", line_part[quantity])):
                 if (left_out := carried(quantity + kind, self.squares)) is not None:

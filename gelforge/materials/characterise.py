@@ -274,16 +274,17 @@ def _cut_short(tests: list[MaterialTest], curves: list[MeanCurve]) -> list[str]:
     """Return where samples went much further than the range that all of them reached, which alone is fitted."""
     said = []
     for curve in (c for c in curves if c.component == "1" and c.test != "biaxial"):
-        alike = [t for t in tests if t.test == curve.test]
-        rest = alike[0].at_rest
+        same_test = [t for t in tests if t.test == curve.test]
+        rest = same_test[0].at_rest
         reached, fitted = (
-            max(np.abs(x - rest).max() for x in xs) for xs in ([t.stretch for t in alike], [curve.stretch])
+            max(np.abs(x - rest).max() for x in xs)
+            for xs in ([t.stretch for t in same_test], [curve.stretch])
         )
         if fitted < FITTED_SHARE * reached:
             low, high = curve.stretch[[0, -1]]
             said.append(
-                f"{curve.test}: fitted between {alike[0].abscissa} {low:.3g} and {high:.3g}, where all {len(alike)} samples"
-                f" were measured; single ones reach a strain of {reached:.3g}: give samples of other ranges a material"
+                f"{curve.test}: fitted between {same_test[0].abscissa} {low:.3g} and {high:.3g}, where all {len(same_test)}"
+                f" samples were measured; single ones reach a strain of {reached:.3g}: give samples of other ranges a material"
                 " of their own to use the rest"
             )
     return said

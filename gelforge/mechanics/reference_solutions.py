@@ -185,8 +185,8 @@ def _kernel_0(r: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def _kernel_1(r: np.ndarray, t: np.ndarray) -> np.ndarray:
     rest = ((r - t) / (r + t)) ** 2  # 1 - m
-    whole = (r**2 + t**2) * ellipkm1(rest) - (r + t) ** 2 * ellipe(1 - rest)
-    return whole / (np.pi * r * t * (r + t))
+    numerator = (r**2 + t**2) * ellipkm1(rest) - (r + t) ** 2 * ellipe(1 - rest)
+    return numerator / (np.pi * r * t * (r + t))
 
 
 _KERNELS = (_kernel_0, _kernel_1)
@@ -223,8 +223,8 @@ def cattaneo_mindlin(
     Mindlin 1949; Johnson 1985, eqs. 7.42). The normal pressure is taken not to feel the shear, which is exact at nu = 1/2,
     and the slip to point along the shift, which is not: its part across it, of some nu / (4 - 2 nu), is left out.
     """
-    whole = sliding_shift(normal_force, contact_radius, friction, shear_modulus, nu)
-    left = max(1 - shift / whole, 0.0) ** 1.5  # 1 - Q / mu P
+    sliding = sliding_shift(normal_force, contact_radius, friction, shear_modulus, nu)
+    left = max(1 - shift / sliding, 0.0) ** 1.5  # 1 - Q / mu P
     return PartialSlip(friction * normal_force * (1 - left), contact_radius * left ** (1 / 3))
 
 

@@ -237,11 +237,11 @@ def judge_all(recording: Recording, table: pd.DataFrame, scale: float) -> Findin
     session = recording.session
     reference = read_as(picture_of(session, scale), reference_path(recording.folder))
     loading = table[before_shear(table) & (table["phase"] != "unload")]
-    whole, series = (series_of(rows, reference, seen_by(session)) for rows in (table, loading))
+    every, series = (series_of(rows, reference, seen_by(session)) for rows in (table, loading))
     findings = [
-        f for name, test in IMAGE_TESTS.items() for f in test(whole if name in OF_ANY_IMAGE else series)
+        f for name, test in IMAGE_TESTS.items() for f in test(every if name in OF_ANY_IMAGE else series)
     ]
-    judged = collect(session.session, [*findings, *flow_lost_of(whole.shown)], session.confirmed)
+    judged = collect(session.session, [*findings, *flow_lost_of(every.shown)], session.confirmed)
     refuse(recording.folder, judged)
     return judged
 

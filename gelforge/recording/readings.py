@@ -236,9 +236,9 @@ def read_readings(path: str | Path) -> pd.DataFrame:
 
 def _read_table(path: Path, ft: Path) -> pd.DataFrame:
     """Return indentations.csv with every column of the format; forces may be absent where ft.csv holds them."""
-    beside = os.path.lexists(ft)  # a pipe or a dangling link is refused where it is read
-    force_needed = () if beside else FORCE
-    force_optional = FORCE if beside else ()
+    has_log = os.path.lexists(ft)  # a pipe or a dangling link is refused where it is read
+    force_needed = () if has_log else FORCE
+    force_optional = FORCE if has_log else ()
     return read_csv(
         path,
         numbers=["order", "time_s", "x_mm", "y_mm", *force_needed],

@@ -52,12 +52,12 @@ def _network(results: StudyResults) -> Part | None:
     standing = None if baselines is None else beside_baselines(baselines)
     if baselines is None or standing is None:
         return None
-    own, best, name = standing
+    network, best, name = standing
     totals = baselines.set_index("predictor")["total_Fz_rms_N"]
     own_total, best_total = (newtons(float(totals[predictor])) for predictor in ("network", name))
-    times = f"{best / own:.2g} times less" if own < best else f"{own / best:.2g} times more"
+    times = f"{best / network:.2g} times less" if network < best else f"{network / best:.2g} times more"
     rows = [
-        ("error of the network per pressed bin", millinewtons(own), f"{name}: {millinewtons(best)}"),
+        ("error of the network per pressed bin", millinewtons(network), f"{name}: {millinewtons(best)}"),
         ("error of the network in total", own_total, f"{name}: {best_total}"),
     ]
     return (

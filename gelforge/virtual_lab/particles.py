@@ -203,9 +203,9 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
         )
     element = np.full([len(a) - 1 for a in axes], -1)  # of each interval of the grid of all node coordinates
     for span in np.unique(last - first, axis=0):
-        own = np.flatnonzero((last - first == span).all(axis=1))
+        matching = np.flatnonzero((last - first == span).all(axis=1))
         for step in np.ndindex(*span):
-            element[tuple((first[own] + step).T)] = own
+            element[tuple((first[matching] + step).T)] = matching
     place = [np.searchsorted(a, points[:, k], side="right") - 1 for k, a in enumerate(axes)]
     place = [
         np.where(np.abs(points[:, k] - a[-1]) <= SAME_MM, len(a) - 2, p)

@@ -66,6 +66,6 @@ def agreement(study: Path, out: Path) -> None:
     cells = {name: cell_path(described, name) for name in planned}
     laws = read_laws(described)
     digests, raw = agreement_inputs(described, laws)
-    own = own_labels(described, planned, laws)
-    table = agreement_table(recorded, cells, own, digests, raw)
+    labels = own_labels(described, planned, laws)
+    table = agreement_table(recorded, cells, labels, digests, raw)
     write_agreement(out, table, digest([digests, raw]))

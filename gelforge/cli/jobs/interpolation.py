@@ -100,8 +100,8 @@ def labels_of(study: Study, cells: dict, read: dict):
         number += 1
     solved = solved_sites(study, cells, decided["solved"], read)
     laws = {name: law.law for name, law in read.items()}
-    own = {name: solved_cell(study, cells, name, laws) for name in decided["themselves"]}
-    return Labels(study, laws, solved, own)
+    themselves = {name: solved_cell(study, cells, name, laws) for name in decided["themselves"]}
+    return Labels(study, laws, solved, themselves)
 
 
 def solved_sites(study: Study, cells: dict, names: list[str], read: dict):

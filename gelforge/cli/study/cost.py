@@ -171,8 +171,8 @@ class Costs:
 
     def mismatch(self) -> float:
         """A verdict on all sessions together; positions that are mirror images of one another are solved once."""
-        own = sum(cell.source is None for cell in self.cells.values()) / len(self.cells)
-        positions = math.ceil(own * min(self.study.mismatch.sites, len(self.cells)))
+        unmirrored = sum(cell.source is None for cell in self.cells.values()) / len(self.cells)
+        positions = math.ceil(unmirrored * min(self.study.mismatch.sites, len(self.cells)))
         per_position = VERDICT_CELLS
         if self.study.mismatch.images in ("fitted", "predicted") and any(
             self.images(one)[0] for one in self.study.sessions
@@ -224,8 +224,8 @@ def estimate(study: Study, cells: dict) -> list[str]:
         )
     if study.synthesis:
         seconds += costs.synthesis()
-    own, lines = session_costs(costs)
-    seconds += own
+    of_sessions, lines = session_costs(costs)
+    seconds += of_sessions
     unknowns, surface = costs.mesh
     # float64 forces (two of three components each) and float32 displacement on surface nodes, three sets of bins
     bins = study.sensor.bins.nx * study.sensor.bins.ny

@@ -85,8 +85,8 @@ def _first(content: Any, read: Any, wrong: Callable[[Any, Any], bool]) -> str:
         pairs = ((number, *both) for number, both in enumerate(zip(content, read)))
     else:
         return "." if wrong(content, read) else ""
-    for key, part, own in pairs:
-        if part_with := _first(part, own, wrong):
+    for key, part, path in pairs:
+        if part_with := _first(part, path, wrong):
             return f"{key}.{part_with}".rstrip(".")
     return ""
 

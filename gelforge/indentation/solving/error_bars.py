@@ -152,7 +152,7 @@ def laws_moved(
     materials: the material of each layer.
     """
     return [
-        {layer: law if materials[layer] == material else own for layer, own in laws.items()}
+        {layer: law if materials[layer] == material else given for layer, given in laws.items()}
         for material in sorted(set(materials.values()))
         for law in uncertain.get(material, ())
     ]

@@ -59,8 +59,8 @@ class Variation:
     def inputs(self) -> str:
         """The digest of all that decides the derivative beside the run that it belongs to."""
         without = self.without and model_inputs(self.without, self.laws)
-        own = [model_inputs(self.study, self.laws), self.amount, self.alone, without, self.share]
-        return digest([*own, self.instead and self.instead.inputs])
+        parts = [model_inputs(self.study, self.laws), self.amount, self.alone, without, self.share]
+        return digest([*parts, self.instead and self.instead.inputs])
 
 
 @dataclass(frozen=True)

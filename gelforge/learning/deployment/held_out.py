@@ -52,8 +52,8 @@ def held_out(predictions: Predictions, session: str, feature_file: str | Path) -
         named = dict(zip(keys, file["image"].asstr()[()]))
     kept: list[tuple] = []
     for block, *columns in predictions.columns("press", "image_index", "cell", "predicted_N", "true_N"):
-        own = rows[(rows >= block.start) & (rows < block.stop)] - block.start
-        kept += zip(*(column[own] for column in columns))
+        within = rows[(rows >= block.start) & (rows < block.stop)] - block.start
+        kept += zip(*(column[within] for column in columns))
     presses, indices, cells, force, label = zip(*kept)
     try:
         images = tuple(named[press.decode(), int(index)] for press, index in zip(presses, indices))

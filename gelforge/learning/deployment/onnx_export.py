@@ -105,7 +105,7 @@ def converted(path: str | Path, threads: int = 1) -> OnnxModel:
 def onnx_bytes(model: Model, sha256: str) -> bytes:
     """Return a model as the bytes of an ONNX file, which keeps a place for its own checksum; any number of rows n."""
     inverse = model.inverse if model.reads_inverse else None
-    whole = FeaturesToNewtons(model.network, model.scaling, inverse).eval()
+    network = FeaturesToNewtons(model.network, model.scaling, inverse).eval()
     example = torch.zeros(2, len(model.scaling.input_mean))
     logs = logging.getLogger("torch.onnx")
     level = logs.level
@@ -114,7 +114,7 @@ def onnx_bytes(model: Model, sha256: str) -> bytes:
         with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
             warnings.simplefilter("ignore")
             program = torch.onnx.export(
-                whole,
+                network,
                 (example,),
                 dynamo=True,
                 opset_version=OPSET,

@@ -129,9 +129,9 @@ class Timing:
         Without a row where no frame is counted.
         """
         columns = ["step", "frames", "p50_ms", "p95_ms", "p99_ms", "fps_at_p50", "fps_at_p99"]
-        whole = np.sum([self.seconds[step] for step in STEPS], axis=0)
+        total = np.sum([self.seconds[step] for step in STEPS], axis=0)
         rows = []
-        for name, values in (*self.seconds.items(), ("whole", whole)) if len(whole) else ():
+        for name, values in (*self.seconds.items(), ("whole", total)) if len(total) else ():
             p50, p95, p99 = np.percentile(values, [50, 95, 99])
             rows.append((name, len(values), 1e3 * p50, 1e3 * p95, 1e3 * p99, 1 / p50, 1 / p99))
         return pd.DataFrame(rows, columns=columns)

@@ -114,7 +114,7 @@ def displacements(
     solver = direct_solver(body.pattern, mechanics.solver.linear_solver)
     solver.factor(values)
     upper = sp.csr_matrix((values, body.pattern.indices, body.pattern.indptr), shape=(size, size))
-    whole = (upper + sp.triu(upper, 1).T).tocsr()
+    symmetric = (upper + sp.triu(upper, 1).T).tocsr()
     free = equation >= 0
     dense = load.toarray() if mesh.ties is None else (load @ mesh.ties).toarray()
     moved = np.zeros((len(dense), 3, *mesh.X.shape))
@@ -123,7 +123,7 @@ def displacements(
         along[:, equation[held, axis]] = dense[:, held]
         solutions = solver.solve_many(along)
         for _ in range(REFINEMENTS):
-            left = along - (whole @ solutions.T).T
+            left = along - (symmetric @ solutions.T).T
             scale = np.abs(left).max(axis=1, keepdims=True) + 1e-300  # of unit size, as solve_many asks
             solutions = solutions + scale * solver.solve_many(left / scale)
         moved[:, axis, free] = solutions[:, equation[free]]
@@ -182,11 +182,11 @@ def seen_flow(
         points, of = points[inside], region[inside]
         if not len(points):
             continue
-        own, corners = np.unique(
+        cells, corners = np.unique(
             mesh.elements[mesh.region == mesh.regions.index(layer[0])], return_inverse=True
         )
-        local = interpolation(mesh.X[own], corners.reshape(-1, 8), points)
-        at = sp.csr_matrix((local.data, own[local.indices], local.indptr), shape=(len(points), nodes))
+        local = interpolation(mesh.X[cells], corners.reshape(-1, 8), points)
+        at = sp.csr_matrix((local.data, cells[local.indices], local.indptr), shape=(len(points), nodes))
         J = weight * projection_jacobian(camera, points)  # (n, 2, 3)
         gather = sp.csr_matrix((np.ones(len(of)), (of, np.arange(len(of)))), shape=(count, len(of)))
         rows = [sp.hstack([gather @ sp.diags(J[:, i, c]) @ at for c in range(3)]) for i in range(2)]
@@ -207,8 +207,8 @@ def _heights(
         box = dots_box(dots, sensor)
         named = next(
             layer.name
-            for layer, own in zip(sensor.imaged_layers, gel_boxes(sensor))
-            if own[0][2] == box[0][2]
+            for layer, corners in zip(sensor.imaged_layers, gel_boxes(sensor))
+            if corners[0][2] == box[0][2]
         )
         return [((named, box), -dots.depth_mm, 1.0)]
     layers = [layer for layer in sensor.layers if layer.particle_volume_fraction > 0]

@@ -121,8 +121,8 @@ def predict_test_rows(
         for baseline in _baselines(learnt, *sides, model, grid, study.seed):
             _write_baseline(file, rows, baseline, bins)
         if truth:
-            own = [path for path in sets.learnt if path in sets.tested]
-            write_truth(file, model, rows, ShardDataset(own, "train"), truth)
+            both = [path for path in sets.learnt if path in sets.tested]
+            write_truth(file, model, rows, ShardDataset(both, "train"), truth)
     return len(rows)
 
 

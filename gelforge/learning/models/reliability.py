@@ -159,9 +159,9 @@ def _by_class(
     if len(names) > 1:
         ratio = np.empty_like(error)  # of each error to the width that the other groups give
         for name in names:
-            own = group == name
-            others = _half_widths(error[~own], which[~own], len(edges) + 1)
-            ratio[own] = error[own] / np.maximum(others[which[own]], LEAST_WIDTH_N)
+            of_group = group == name
+            others = _half_widths(error[~of_group], which[~of_group], len(edges) + 1)
+            ratio[of_group] = error[of_group] / np.maximum(others[which[of_group]], LEAST_WIDTH_N)
         half = half * _conformal(ratio)
     rms = [_root_mean(sigma[which == k] ** 2) for k in range(len(edges) + 1)]
     return edges, half, np.array(rms)
@@ -170,7 +170,7 @@ def _by_class(
 def _half_widths(error: np.ndarray, which: np.ndarray, classes: int) -> np.ndarray:
     """Return the half width (C, 3) of each class of errors (m, 3), that of all errors where a class has none."""
     members = [which == k for k in range(classes)]
-    return np.array([_conformal(error[own] if own.any() else error) for own in members])
+    return np.array([_conformal(error[member] if member.any() else error) for member in members])
 
 
 def _root_mean(variance: np.ndarray) -> np.ndarray:

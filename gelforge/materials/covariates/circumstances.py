@@ -57,16 +57,16 @@ def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]
         keys = [(*key, level) for key, level in zip(_keys(group), _held_levels([fits[i] for i in chosen]))]
         for number, circumstance in enumerate(CIRCUMSTANCES[1:], start=1):
             for members in _groups(keys, number):
-                alike, held = [group[i] for i in members], [fits[chosen[i]] for i in members]
+                members_of_group, held = [group[i] for i in members], [fits[chosen[i]] for i in members]
                 begin, end = common_hold(held)
                 y = np.log([1 - fit.drop_between(begin, end) for fit in held])
-                values = np.array([circumstance.of(test) for test in alike])
+                values = np.array([circumstance.of(test) for test in members_of_group])
                 level = float(np.median([fit.stretch for fit in held]))
                 share_left = f"share of stress left from {begin:.3g} to {end:.3g} s of hold"
                 effect = line_effect(
-                    circumstance, values, y, (level, level), alike[0].abscissa, quantity=share_left
+                    circumstance, values, y, (level, level), members_of_group[0].abscissa, quantity=share_left
                 )
-                effects.append(_measured(circumstance.effect, kind, effect, alike))
+                effects.append(_measured(circumstance.effect, kind, effect, members_of_group))
     return effects
 
 
@@ -140,13 +140,13 @@ def _repeats(tests: list[MaterialTest]) -> Scatter | None:
 def _judged(tests, keys, number, circumstance, repeats) -> tuple[list[MeasuredEffect], list[str]]:
     effects, reasons = [], []
     for members in _groups(keys, number):
-        alike = [tests[i] for i in members]
+        members_of_group = [tests[i] for i in members]
         try:
-            effect = effect_of(circumstance, alike, repeats)
+            effect = effect_of(circumstance, members_of_group, repeats)
         except ValueError as error:
             reasons.append(str(error))
             continue
-        effects.append(_measured(circumstance.effect, alike[0].test, effect, alike))
+        effects.append(_measured(circumstance.effect, members_of_group[0].test, effect, members_of_group))
     if not effects and not reasons and len({key[number] for key in keys} - {None}) > 1:
         reasons.append(f"{circumstance.word} changes only together with other covariates; test one at a time")
     return effects, reasons

@@ -250,11 +250,11 @@ def _chosen(candidates: list[Candidate], choose: str, fallback: dict[str, str]) 
     return _without_idle(best, [c for c in described if c.aicc <= best.aicc + NO_SUPPORT], "aicc")
 
 
-def _without_idle(best: Candidate, alike: list[Candidate], criterion: str) -> Candidate:
+def _without_idle(best: Candidate, similar: list[Candidate], criterion: str) -> Candidate:
     """Return the best model, or where it has parameters at their bounds the best simpler one of those alike."""
     if not best.fitted.at_bound:
         return best
-    simpler = [c for c in alike if c.parameters < best.parameters and not c.fitted.at_bound]
+    simpler = [c for c in similar if c.parameters < best.parameters and not c.fitted.at_bound]
     return min(simpler, key=lambda c: getattr(c, criterion), default=best)
 
 

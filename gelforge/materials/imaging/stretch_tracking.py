@@ -338,10 +338,10 @@ class _Tracker:
             coefficients = fitted
             if step < AT_REST_PX:
                 break
-        alike = likeness > s.point_correlation
+        correlated = likeness > s.point_correlation
         held = np.zeros(len(good), bool)
         held[good] = weight > 0
-        held &= alike
+        held &= correlated
         correlation = float(np.median(likeness[seen]))
         F_error = np.sqrt(covariance[1:3].T * self.overlap) / self.scale
         columns = np.linalg.norm(self._gradient(coefficients), axis=0)  # stretch of the x and of the y fibre
@@ -350,7 +350,7 @@ class _Tracker:
         if (
             seen.mean() < s.seen_share
             or correlation < s.frame_correlation
-            or (alike & good).sum() < s.held_share * seen.sum()
+            or (correlated & good).sum() < s.held_share * seen.sum()
         ):
             return self._failed(coefficients, seen, came_back, likeness)
         if held.sum() < s.held_share * seen.sum():

@@ -85,19 +85,19 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
 def _check_single_rows(path, lines, position, force, segment) -> None:
     names = [""] if segment is None else dict.fromkeys(segment)
     for name in names:
-        own = np.arange(len(force)) if segment is None else np.flatnonzero(segment == name)
-        flat = flat_top(position[own], force[own] - force[own[0]])
+        rows = np.arange(len(force)) if segment is None else np.flatnonzero(segment == name)
+        flat = flat_top(position[rows], force[rows] - force[rows[0]])
         if flat is not None:
             raise TableError(
-                f"{path}, row {lines[own[flat]]}: from here on the force stays at {force[own[flat]]:.4g} N to the last"
+                f"{path}, row {lines[rows[flat]]}: from here on the force stays at {force[rows[flat]]:.4g} N to the last"
                 " digit, its largest value, while the indenter goes deeper: the load cell is saturated; leave these rows"
                 " out, or confirm it (`odd_rows: keep`)"
             )
-        row = single_row(position[own], force[own])
+        row = single_row(position[rows], force[rows])
         if row is not None:
             raise TableError(
-                f"{path}, row {lines[own[row]]}: a force of {force[own[row]]:.4g} N, far off the neighbouring rows; correct"
-                " or"
+                f"{path}, row {lines[rows[row]]}: a force of {force[rows[row]]:.4g} N, far off the neighbouring rows;"
+                " correct or"
                 " drop the row, or confirm it (`odd_rows: keep` next to the ball's radius, of a mapping in `corrections`)"
             )
 

@@ -129,10 +129,10 @@ def read_mapped(path: str | Path, entry: TestMapping) -> list[Read]:
     tests: list[Read] = []
     for number, (title, part) in enumerate(stacked, 1):
         table = _table(path, entry, columns, part)
-        own = f"{title or f'{path.stem}_{number}'}" if len(stacked) > 1 else ""
+        suffix = f"{title or f'{path.stem}_{number}'}" if len(stacked) > 1 else ""
         groups = table.groupby(entry.split, sort=False) if entry.split else [("", table)]
         tests += [
-            _test(path, entry, rows, "_".join(filter(None, (own, str(value)))), dict(named))
+            _test(path, entry, rows, "_".join(filter(None, (suffix, str(value)))), dict(named))
             for value, rows in groups
         ]
     return tests

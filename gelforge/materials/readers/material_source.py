@@ -219,8 +219,8 @@ def _board(
     """Return the test on a rigid board that a mapping names for an indentation, and its file; none for the board itself."""
     if test.rigid_board is None or test.is_the_board:
         return None, []
-    beside = (folder / test.source).with_name(test.rigid_board)
-    boards = [path for path in (beside, *sorted(folder.rglob(test.rigid_board))) if path.is_file()]
+    neighbour = (folder / test.source).with_name(test.rigid_board)
+    boards = [path for path in (neighbour, *sorted(folder.rglob(test.rigid_board))) if path.is_file()]
     entry = mapping.entry_for(test.rigid_board)
     if not boards or entry is None:
         raise TableError(

@@ -104,7 +104,7 @@ def _of_number(context, builder, from_type, to_type, value):
 
 
 def _widest(given):
-    return max((each for each in given if isinstance(each, Lanes)), key=lambda each: each.count, default=None)
+    return max((kind for kind in given if isinstance(kind, Lanes)), key=lambda kind: kind.count, default=None)
 
 
 def _of_lanes(function, count: int, lower) -> None:

@@ -53,9 +53,9 @@ def images_in(folder: Path) -> list[Path]:
     def key(path: Path) -> tuple[list[tuple[int, int, int, str]], str]:
         keys = []
         for slot, text in enumerate(names[path]):
-            whole, _, fraction = text.partition(".")
+            integer, _, fraction = text.partition(".")
             if slot % 2:
-                keys.append((0, int(whole), int(fraction or 0) if slot in counted else 0, fraction))
+                keys.append((0, int(integer), int(fraction or 0) if slot in counted else 0, fraction))
             else:
                 keys.append((1, 0, 0, text))
         return keys, path.suffix

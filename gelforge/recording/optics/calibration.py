@@ -190,9 +190,9 @@ def _fitted(views: Views, board: Board, model: str) -> Calibration:
     poses = [(np.asarray(r).reshape(3), np.asarray(t).reshape(3)) for r, t in zip(turns, shifts)]
     seen = views.seen
     errors = [v.pixels - _projected(model, v.board, *pose, K, k) for v, pose in zip(seen, poses)]
-    each = np.array([np.sqrt((e**2).sum(axis=1).mean()) for e in errors])
+    view_rms = np.array([np.sqrt((e**2).sum(axis=1).mean()) for e in errors])
     sd = intrinsics_sd(model, seen, poses, K, k, errors)
-    return Calibration(board, views, model, K, k, sd, poses, float(rms), each, coverage(views))
+    return Calibration(board, views, model, K, k, sd, poses, float(rms), view_rms, coverage(views))
 
 
 def intrinsics_sd(

@@ -43,10 +43,10 @@ def _blocks(flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the middles (B, 2) [px] and the mean flow (B, 2) of square blocks; a rest at the border is left out."""
     side = max(1, max(flow.shape[:2]) // BLOCKS)
     rows, columns = flow.shape[0] // side, flow.shape[1] // side
-    whole = flow[: rows * side, : columns * side].reshape(rows, side, columns, side, 2)
+    trimmed = flow[: rows * side, : columns * side].reshape(rows, side, columns, side, 2)
     u, v = np.meshgrid(np.arange(columns), np.arange(rows))
     middles = (np.stack([u, v], -1).reshape(-1, 2) + 0.5) * side - 0.5
-    return middles, whole.mean(axis=(1, 3)).reshape(-1, 2).astype(float)
+    return middles, trimmed.mean(axis=(1, 3)).reshape(-1, 2).astype(float)
 
 
 def _design(points: np.ndarray, c: np.ndarray, e: np.ndarray | None, reach: float) -> np.ndarray:

@@ -18,8 +18,8 @@ def bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, fl
     if min((time < 0).sum(), (time > 0).sum()) < LEAST_SAMPLES:
         return None
     count = len(time) // MOST_SAMPLES + 1
-    whole = len(time) // count * count
-    time, value = (samples[:whole].reshape(-1, count).mean(axis=1) for samples in (time, value))
+    full = len(time) // count * count
+    time, value = (samples[:full].reshape(-1, count).mean(axis=1) for samples in (time, value))
     return bend_time(time, value, side, lag)
 
 

@@ -91,20 +91,20 @@ def steps_before_touch(data: SessionData) -> list[Finding]:
     findings = []
     for k in np.flatnonzero((spread.to_numpy() > limit).any(axis=1)):
         press, axis = str(spread.index[k]), int((spread.to_numpy()[k] / limit[k]).argmax())
-        own = readings.index[readings["press"] == press]
+        at = readings.index[readings["press"] == press]
         findings.append(
             Finding(
                 test="force_before_touch",
                 level="excluded",
                 channel="force",
                 press=press,
-                time_s=float(readings.at[own[0], "time_s"]),
+                time_s=float(readings.at[at[0], "time_s"]),
                 value=float(spread.iloc[k, axis]),
                 limit=float(limit[k, axis]),
                 unit="N",
                 found=f"changes by {spread.iloc[k, axis]:.3g} N ({AXES[axis]}) before contact",
                 remedy="record zero rows clear of the surface and at rest",
-                rows=tuple(own),
+                rows=tuple(at),
             )
         )
     return mostly(findings, len(data.indentations))
@@ -125,7 +125,7 @@ def force_repeats(data: SessionData) -> list[Finding]:
     stuck = readings.loc[sorted(channels)]
     findings = []
     for press, rows in stuck.groupby("press", sort=False):
-        own = readings[readings["press"] == press]
+        of_press = readings[readings["press"] == press]
         zero_gone = not data.session.force.tared and (rows["phase"] == "zero").any()
         first = rows.index[0]
         names = ", ".join(dict.fromkeys(channels[first]))
@@ -141,7 +141,7 @@ def force_repeats(data: SessionData) -> list[Finding]:
                 found=f"repeats one value to the last digit from indentation {readings.at[since[first], 'press']} on"
                 f" ({names})",
                 remedy="check the sensor's supply and plug, and record these indentations again",
-                rows=tuple(own.index if zero_gone else rows.index),
+                rows=tuple(of_press.index if zero_gone else rows.index),
             )
         )
     return mostly(findings, len(data.indentations))

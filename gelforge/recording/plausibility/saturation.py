@@ -103,8 +103,8 @@ def _without_sites(held: pd.DataFrame, zero: float, name: str, top: np.ndarray, 
     # at most so many of a normal distribution's values fall into one step; and as many as read the same elsewhere
     equal = max((group.value_counts().iloc[0] - 1) / len(group) for group in groups)
     equal = max(equal, min(1.0, MARGIN * step / spread))
-    own = presses[presses["depth"].isin(presses.loc[presses["top"], "depth"])]
-    return bool(binom.sf(presses["top"].sum() - 1, len(own), equal) < CHANCE)
+    same_depth = presses[presses["depth"].isin(presses.loc[presses["top"], "depth"])]
+    return bool(binom.sf(presses["top"].sum() - 1, len(same_depth), equal) < CHANCE)
 
 
 def _short_of_proportion(
@@ -138,7 +138,7 @@ def _at_most(count: int, of: int) -> float:
 def _findings(held, axis: str, extreme: float, top: np.ndarray) -> list[Finding]:
     reached = held[top]
     at = set(zip(reached["press"], reached["depth_mm"]))
-    own = held[[pair in at for pair in zip(held["press"], held["depth_mm"])]]
+    clipped = held[[pair in at for pair in zip(held["press"], held["depth_mm"])]]
     return [
         Finding(
             test="force_saturates",
@@ -153,5 +153,5 @@ def _findings(held, axis: str, extreme: float, top: np.ndarray) -> list[Finding]
             remedy="use a larger range of the force sensor (force.range_N), or press less deep",
             rows=tuple(rows.index),
         )
-        for press, rows in own.groupby("press", sort=False)
+        for press, rows in clipped.groupby("press", sort=False)
     ]

@@ -63,8 +63,8 @@ def _beyond(rows: pd.DataFrame, floor_N: np.ndarray) -> tuple[np.ndarray, np.nda
     up = phase == "unload"
     held = np.flatnonzero(rows["phase"].isin(["load", "dwell"]))
     last = push[held[-1]] if len(held) else np.zeros(3)
-    beside = np.stack([before, after, np.where(up[:, None], last, before)])
-    above, below = here - beside.max(axis=0), beside.min(axis=0) - here
+    neighbours = np.stack([before, after, np.where(up[:, None], last, before)])
+    above, below = here - neighbours.max(axis=0), neighbours.min(axis=0) - here
     below[up | (before[:, 2] <= 0), 2] = 0.0
     beyond = np.maximum(np.maximum(above, below), 0.0)
 

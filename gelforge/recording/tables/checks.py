@@ -50,9 +50,9 @@ def check_rows(path: Path, table: pd.DataFrame) -> None:
 
 
 def _check_order(path: Path, table: pd.DataFrame) -> None:
-    whole = table["order"] == np.round(table["order"])
-    if not whole.all():
-        line = (~whole).idxmax()
+    integer = table["order"] == np.round(table["order"])
+    if not integer.all():
+        line = (~integer).idxmax()
         raise RecordingError(
             f"{path}, row {line}: order {table.at[line, 'order']} is not a whole number; number the indentations 1, 2, 3,"
             " ..."

@@ -29,8 +29,10 @@ AFTER_SIMULATION = (
 def beside_baselines(baselines: pd.DataFrame) -> tuple[float, float, str] | None:
     """Return RMSES z [N] of the network, of the best baseline, and the latter's name; None where no test row is pressed."""
     error = baselines.set_index("predictor")[ERROR]
-    own, others = float(error["network"]), error.drop(["network", "zero"]).dropna()
-    return (own, float(others.min()), str(others.idxmin())) if np.isfinite(own) and len(others) else None
+    network, others = float(error["network"]), error.drop(["network", "zero"]).dropna()
+    return (
+        (network, float(others.min()), str(others.idxmin())) if np.isfinite(network) and len(others) else None
+    )
 
 
 def network_words(
@@ -51,10 +53,10 @@ def network_words(
     standing = beside_baselines(baselines)
     if standing is None:
         return "No test row is pressed: nothing can be said of the network."
-    own, best, _ = standing
+    network, best, _ = standing
     times = over_training_rows(errors)
     early = _ended_early(np.nan if only_simulated else times, loss)
-    remedy = "" if has_budget or early else _remedy(by, times, own < CLEARLY * best)
+    remedy = "" if has_budget or early else _remedy(by, times, network < CLEARLY * best)
     parts = (_where(by), _intervals(reliability), early, AFTER_SIMULATION if only_simulated else remedy)
     return " ".join(part for part in parts if part)
 

@@ -114,12 +114,12 @@ def limits(results: MismatchResults) -> Chapter:
 
 def _limit_row(name: str, detectable: list[DetectionLimit]) -> dict:
     """Return an effect's parameters, their smallest detectable and their plausible values, a line each."""
-    own = [limit for limit in detectable if limit.effect == name]
+    of_effect = [limit for limit in detectable if limit.effect == name]
     cells = {
-        "parameter": [pretty(limit.parameter) for limit in own],
-        "smallest detectable": [in_unit(limit.amount, limit.parameter, limit.unit) for limit in own],
-        "plausible": [in_unit(limit.plausible, limit.parameter, limit.unit) for limit in own],
-        "a plausible one is seen": ["yes" if limit.seen else "no" for limit in own],
+        "parameter": [pretty(limit.parameter) for limit in of_effect],
+        "smallest detectable": [in_unit(limit.amount, limit.parameter, limit.unit) for limit in of_effect],
+        "plausible": [in_unit(limit.plausible, limit.parameter, limit.unit) for limit in of_effect],
+        "a plausible one is seen": ["yes" if limit.seen else "no" for limit in of_effect],
     }
     return {"effect": pretty(name)} | {key: "\n".join(lines) for key, lines in cells.items()}
 

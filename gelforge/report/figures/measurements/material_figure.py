@@ -65,7 +65,7 @@ def material_figure(
     material = read_law(law_json)
     remedy = f"run the material stage again (snakemake -R {curves_csv})"
     curves = read_product_table(curves_csv, remedy, dtype={"sample": str, "test": str})
-    beside = [read_law(path) for path in others]
+    compared = [read_law(path) for path in others]
     curves["kind"] = curves.test.str.split(" ").str[0]
     further = [k for k in TITLES if k not in LOAD_CASES and k in set(curves.kind)]
     standard = (
@@ -77,7 +77,7 @@ def material_figure(
     figure, axes = new_figure(
         *size, nrows=rows, ncols=len(kinds), sharey="row", sharex="col", gridspec_kw=ratios
     )
-    laws = [material, *beside]
+    laws = [material, *compared]
     for column, kind in enumerate(kinds):
         measured, draw = curves[curves.kind == kind], _biaxial if kind == "biaxial" else _load_case
         residual = axes[1][column] if rows == 2 else None
