@@ -91,7 +91,7 @@ class Progress(_Shown):
                     stages.say()
 
     def advance(self, count: int = 1, note: str = "") -> None:
-        """Count steps as done; note: what to say beside the count."""
+        """Count steps as done; note: what to say after the count."""
         self.done += count
         if self in _shown:
             self._tell(note)

@@ -285,7 +285,7 @@ def _effect_varied(study: Study, laws, amounts: Mapping[str, float], name: str) 
 
 
 def _place_varied(study: Study, laws, place: tuple[float, float], name: str, share: np.ndarray) -> Variation:
-    """Return the study pressed a little beside a place (x, y) [mm], or deeper; share (D,): of the depth, at each step."""
+    """Return the study pressed close to a place (x, y) [mm], or deeper; share (D,): of the depth, at each step."""
     from gelforge.indentation.effects.catalogue import with_keys
     from gelforge.indentation.effects.kinematics import real_place
     from gelforge.indentation.solving.sensitivities import Variation

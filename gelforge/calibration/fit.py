@@ -95,7 +95,7 @@ class Linear:
         """Return the problem about an estimate near by, whose forces (R, 3) are solved and whose columns follow them.
 
         The secant makes columns those of the study's mesh, and of the contact over the way: along parameters that make up
-        for each other little is left of them, and errors of a coarser mesh are not small beside that.
+        for each other little is left of them, and errors of a coarser mesh are not small next to that.
         """
         problem, step = self.problem, at - self.at
         missing = problem.observations.flat(base - problem.base) - self.columns @ step
@@ -181,7 +181,7 @@ def _across(
 ) -> Linear:
     """Return the problem with columns that are solved differences across a standard deviation (q,) on the study's mesh.
 
-    Those of the coarser mesh err, and where a surface sticks they hold at one coefficient of friction and not beside it:
+    Those of the coarser mesh err, and where a surface sticks they hold at one coefficient of friction and not close to it:
     an interval is what the forces do over its width. A difference that is not solved leaves its column.
     """
     parts = list(linear.problem.candidates)

@@ -1,4 +1,4 @@
-"""Simulated beside measured total force, press by press."""
+"""Simulated next to measured total force, press by press."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def read_agreement(path: str | Path, inputs: str | None = None) -> pd.DataFrame:
 def rmse_gt_table(agreement: pd.DataFrame, resolution_N: Mapping[str, Sequence[float]]) -> pd.DataFrame:
     """Return RMSE_GT (Sferrazza et al. 2019, table 1): rms over indentations of F/T minus FEM total force [N], per axis.
 
-    One row per axis for all sessions together, then per session; beside it the mean difference and the F/T sensor's
+    One row per axis for all sessions together, then per session; next to it the mean difference and the F/T sensor's
     resolution_N of each session (the coarsest for all together).
     """
     groups = [("all", agreement)] + [(name, rows) for name, rows in agreement.groupby("session", sort=False)]

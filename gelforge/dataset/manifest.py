@@ -1,4 +1,4 @@
-"""What stands beside the shards: manifest with checksums and provenance, card, Croissant description, SHA256SUMS."""
+"""What stands next to the shards: manifest with checksums and provenance, card, Croissant description, SHA256SUMS."""
 
 from __future__ import annotations
 

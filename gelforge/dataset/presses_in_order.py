@@ -1,6 +1,6 @@
 """The recorded indentations of a session, solved one after another on one sensor that softens.
 
-`presses.h5` holds one label per indentation. Until it is whole, a folder `presses.part` beside it holds what is solved so
+`presses.h5` holds one label per indentation. Until it is whole, a folder `presses.part` next to it holds what is solved so
 far and the softening left, so that a killed job goes on where it was.
 """
 

@@ -126,7 +126,7 @@ def _thinned(s, f) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _inflation(noise: np.ndarray) -> float:
-    """Return by how much neighbours that err alike reduce the number of independent samples (first lags only)."""
+    """Return by how much neighbours that err together reduce the number of independent samples (first lags only)."""
     noise = noise - noise.mean()
     size = noise @ noise
     if size <= 0:

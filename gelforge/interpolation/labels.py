@@ -48,7 +48,7 @@ class Labels:
     own: Mapping[str, Cell]  # sites of the plan that were solved themselves, by name
 
     def cell(self, planned: PlannedCell) -> Cell:
-        """Return a site's label: solved where a solved site lies, interpolated elsewhere, failed beside a failed one."""
+        """Return a site's label: solved where a solved site lies, interpolated elsewhere, failed next to a failed one."""
         identity = {
             "cell": planned.name,
             "x_mm": planned.x_mm,

@@ -31,7 +31,7 @@ LINE_PART: Mapping[str, float | np.ndarray] = {
     "total": np.array([0.6, 0.6, 0.4]),
 }  # of that of a site that is left out with its line
 # Instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals. A
-# spacing of half the height and more is no small one beside a wall: the next half changes more than an order says.
+# spacing of half the height and more is no small one next to a wall: the next half changes more than an order says.
 END_PART: Mapping[str, float | np.ndarray] = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}
 # From which spacings are small (benchmarks/interpolation.py).
 FINE_LEVEL = 2

@@ -55,7 +55,7 @@ NOTHING_MEASURED = "the constitutive model was given, or read from a file; no te
 
 @dataclass(frozen=True)
 class Characterised:
-    """What was found for one material, and the law files written beside the chosen one."""
+    """What was found for one material, and the law files written next to the chosen one."""
 
     name: str
     comparison: Comparison | None  # None: no test that a law can be fitted to
@@ -248,7 +248,7 @@ def parameters_table(name: str, fits: Fits, bootstrap: int = 0, workers: int = 1
 def with_bootstrap(
     table: pd.DataFrame, curves: list[MeanCurve], fit: LawFit, replicates: int, workers: int
 ) -> pd.DataFrame:
-    """Return the table with the bootstrap's 95 % intervals of the fitted law's parameters and modulus beside."""
+    """Return the table with the bootstrap's 95 % intervals of the fitted law's parameters and modulus added."""
     drawn = bootstrap_samples(curves, fit, replicates, SEED, workers)
     moduli = np.array([fit.family.law(theta).youngs_modulus * 1e3 for theta in drawn.theta])
     quantities = dict(zip((n.removesuffix("_kPa") for n in fit.family.parameters), drawn.parameters.T)) | {
@@ -284,8 +284,8 @@ def _cut_short(tests: list[MaterialTest], curves: list[MeanCurve]) -> list[str]:
             low, high = curve.stretch[[0, -1]]
             said.append(
                 f"{curve.test}: fitted between {same_test[0].abscissa} {low:.3g} and {high:.3g}, where all {len(same_test)}"
-                f" samples were measured; single ones reach a strain of {reached:.3g}: give samples of other ranges a material"
-                " of their own to use the rest"
+                f" samples were measured; single ones reach a strain of {reached:.3g}: give samples of other ranges a"
+                " material of their own to use the rest"
             )
     return said
 

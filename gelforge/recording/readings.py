@@ -251,7 +251,7 @@ def _read_table(path: Path, ft: Path) -> pd.DataFrame:
 def _raw_force(
     table: pd.DataFrame, folder: Path, session: Session
 ) -> tuple[np.ndarray, ForceLog | None, list[Finding]]:
-    """Return the forces as recorded (N, 3) [N], from ft.csv where it stands beside the table, NaN in its gaps."""
+    """Return the forces as recorded (N, 3) [N], from ft.csv where it stands next to the table, NaN in its gaps."""
     path = folder / "ft.csv"
     if not os.path.lexists(path):
         return table[FORCE].to_numpy(), None, []

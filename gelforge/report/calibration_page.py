@@ -23,7 +23,7 @@ Content = dict[str, Any]
 
 
 def write_calibration_page(folder: str | Path) -> Path:
-    """Write report.html beside calibration.json and readings.csv in a folder; return its path."""
+    """Write report.html next to calibration.json and readings.csv in a folder; return its path."""
     folder = Path(folder)
     content = read_product_json(folder / CALIBRATION, "run `gelforge calibrate` again")
     readings = read_table(folder, READINGS, content["tables"])

@@ -14,7 +14,7 @@ class VerificationFailed(ValueError):
 
 @dataclass(frozen=True)
 class Check:
-    """A quantity that the finite elements found, beside what it should be."""
+    """A quantity that the finite elements found, next to what it should be."""
 
     quantity: str
     source: str  # where the reference comes from

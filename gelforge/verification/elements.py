@@ -23,7 +23,7 @@ GEL = Ogden((7.9652e-3, 0.3093e-3), (1.2769, 3.5676))  # MPa; Sferrazza et al. 2
 STRETCHED = np.array([[1.25, 0.2, 0.0], [0.1, 0.9, -0.15], [-0.05, 0.1, 0.8]])
 ISOCHORIC = STRETCHED / np.cbrt(np.linalg.det(STRETCHED))
 
-# The problems whose errors docs/verification.md sets beside their limits:
+# The problems whose errors docs/verification.md compares with their limits:
 STIFF = 1e4  # K/mu of the locking tests
 # Elements a side of two meshes, the orders in displacement and gradient for K/mu = 1 and 1e4, and how far short the order
 # between the meshes may fall: terms of the next order in h. A tetrahedron whose points all resist for themselves, as at
@@ -45,7 +45,7 @@ def distorted(mesh: Mesh, share: float) -> Mesh:
 
 
 def uniaxial_stress() -> list[Check]:
-    """Return the nominal stress of a cube in uniaxial tension, from nodal forces, beside Ogden's formula."""
+    """Return the nominal stress of a cube in uniaxial tension, from nodal forces, next to Ogden's formula."""
     lam, mesh = 1.6, cube(2)
     body = Body(mesh, {"gel": GEL}, 1000.0)
     stretches = np.array([lam**-0.5, lam**-0.5, lam])

@@ -34,10 +34,10 @@ from gelforge.verification.presses import (
     half_space,
 )
 
-# The problems whose errors docs/verification.md sets beside their limits:
+# The problems whose errors docs/verification.md compares with their limits:
 FRICTION = 0.3  # any would do: the references hold for each
 DEPTH = 0.01  # mm: a contact radius of 1 mm
-FAR = 2.0  # mm: friction is set beside the normal force that is found
+FAR = 2.0  # mm: friction is compared with the normal force that results
 
 
 def partial_slip() -> list[Check]:
@@ -153,7 +153,7 @@ def _sheared_block(friction: float) -> tuple[float, State]:
 
 
 def frictionless_slide() -> list[Check]:
-    """Return the drag on a ball drawn over a frictionless surface, and its force beside the slope of the energy.
+    """Return the drag on a ball drawn over a frictionless surface, and its force next to the slope of the energy.
 
     Drawn over the middle of a block by one element the ball ends where the mesh looks the same: no work is done.
     """

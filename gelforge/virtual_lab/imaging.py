@@ -16,7 +16,7 @@ FADE = 0.35  # share of brightness lost from the nearest to the farthest particl
 GREY_OF_RGB = np.array(
     [0.299, 0.587, 0.114]
 )  # the reader's: OpenCV's grey of red, green and blue (ITU-R BT.601)
-SLABS = 8  # of equal height in which particles are blurred alike where the optics have a plane in focus
+SLABS = 8  # of equal height in which particles are blurred equally where the optics have a plane in focus
 
 
 def picture(

@@ -27,7 +27,7 @@ from gelforge.report.figures.measurements.import_figure import import_figure
 def import_command(mapping: Path, out: Path, study: Path | None = None, data: Path | None = None) -> None:
     """Write the session folder `out` from the logs that a mapping describes; print what was found.
 
-    The folder appears when it is whole and its session is accepted; of one that is refused only the page is left, beside it.
+    The folder appears when it is whole and its session is accepted. Of one that is refused only the page is left.
     study: the YAML file of a study that is to read the session (gelforge/cli/study/add_session.py). data: folder of the
     logs, None: the mapping's.
     """

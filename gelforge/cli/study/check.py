@@ -155,7 +155,7 @@ def check_data(study: Study, cells: dict, missing: list[str], errors: list[str])
 
 
 def check_session(study: Study, name: str, cells: dict) -> tuple[int, set[str]]:
-    """Read a session, print its counts beside the plan's and what its tests found; return number of findings and cells.
+    """Read a session, print its counts next to the plan's and what its tests found; return number of findings and cells.
 
     Raises RecordingError or ConfigError for one that cannot be right.
     """

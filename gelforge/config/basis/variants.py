@@ -1,4 +1,4 @@
-"""Variants: the same indentations under other assumptions, to be shown beside the study's own."""
+"""Variants: the same indentations under other assumptions, to be shown next to the study's own."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def export_dataset(
 
 @contextmanager
 def whole_folder(target: str | Path) -> Iterator[Path]:
-    """Yield an empty folder beside the target that takes its name, synced, when the block ends without an error."""
+    """Yield an empty folder next to the target that takes its name, synced, when the block ends without an error."""
     target = Path(target)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise DatasetError(f"{target}: exists already; name another folder, or remove it first")

@@ -22,7 +22,7 @@ from gelforge.progress import tracked
 SPLITS = ("train", "validation", "test")
 BLOCK_ROWS = 64  # rows in memory at a time (no result depends on it)
 IMAGE, IMAGE_NAME = "image", "image_file"  # an image's content, and the name of its file (`image` in shards)
-SAMPLE_SHARE = 0.9  # of the bytes of a sample, for what stands beside the rows
+SAMPLE_SHARE = 0.9  # of the bytes of a sample, for what stands next to the rows
 BYTES = {kind: np.dtype(kind).itemsize for kind in ("f4", "f8", "i4", "bool")} | {"text": 24}
 
 

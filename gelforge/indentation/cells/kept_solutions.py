@@ -1,7 +1,7 @@
 """Solved sites that outlive the job that solved them.
 
 Workflow managers delete the output of a job that failed, was cancelled or ran out of time, and of a group of jobs all
-outputs if one member fails. A solved site is therefore written as `.solved/<cell>.<digest of its inputs>.h5` beside its
+outputs if one member fails. A solved site is therefore written as `.solved/<cell>.<digest of its inputs>.h5` next to its
 target and linked to it: while both exist they are one file and take the disk once. The next job for the same site takes it
 up where the inputs are equal and its checksum is right. There is one entry per site; the workflow removes those that are
 no longer needed, and those of forced jobs before they start.

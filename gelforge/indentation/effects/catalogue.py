@@ -164,7 +164,7 @@ def _ball(study, place, field, **keys):
 
 
 def _bubble(study, amount, place):
-    """Return a ball that does a share of what an empty one does, to shear and to pressure alike."""
+    """Return a ball that does a share of what an empty one does, to shear and to pressure."""
     layers, bottom = study.sensor.layers, -study.sensor.height_mm
     tops = bottom + np.cumsum([layer.thickness_mm for layer in layers])
     layer = layers[min(int(np.searchsorted(tops, place.z_mm)), len(layers) - 1)].name
@@ -180,7 +180,7 @@ def _delamination(study, amount, place):
 
 
 def with_wall_side(study: Study, side: str, **losses: float) -> Study:
-    """Return the study with losses of the wall, or of the bond to it, along one side beside those that it has."""
+    """Return the study with losses of the wall, or of the bond to it, along one side in addition to those that it has."""
     others = [one.model_dump() for one in study.mechanics.effects.geometry.wall_sides]
     return with_keys(study, geometry={"wall_sides": [*others, {"side": side, **losses}]})
 

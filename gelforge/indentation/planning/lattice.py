@@ -160,7 +160,7 @@ def check_interpolation(study: Study) -> None:
 
 
 def lattice_digest(study: Study, lattice: Lattice) -> str:
-    """Return the digest of what decides an interpolated label beside the solved sites."""
+    """Return the digest of what decides an interpolated label in addition to the solved sites."""
     interpolation = given(study.plan.interpolation, "plan.interpolation")
     known = interpolation.model_dump(mode="json"), lattice.__dict__
     return digest([*map(dict, known), source_digest("interpolation")])

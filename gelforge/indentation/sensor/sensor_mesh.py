@@ -185,7 +185,7 @@ def sensor_solids(sensor: Sensor, envelope: float = Sizes.envelope) -> Solids:
 
 
 def tops_over(solids: Solids, x: float, y: float) -> list[float]:
-    """Return the heights z [mm] at which the vertical through (x, y) meets the solids' surfaces; none beside them."""
+    """Return the heights z [mm] at which the vertical through (x, y) meets the solids' surfaces; none next to them."""
     p, heights = np.array([x, y]), []
 
     def cross(u, v):

@@ -1,4 +1,4 @@
-"""Sizes that cannot be meant: sensors and indenters in another unit than mm, and files whose origin lies beside the body."""
+"""Sizes that cannot be meant: sensors and indenters in another unit than mm, and files with their origin off the body."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gelforge.mechanics.indenters.shapes import rotation_about_axes
 # Length in mm of the units in which drawings are saved.
 UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 
-# Drawings in other units and origins beside the body are asked about (tests/indentation/test_sizes.py):
+# Drawings in other units and origins next to the body are asked about (tests/indentation/test_sizes.py):
 SAME_RATIO = 0.05  # ratios of stated to found sizes this near a unit's are that unit's
 # Wider side of a sensor [mm]: from a small fingertip to a forearm's skin. 32 mm taken for inches are 1.3 or 810 mm.
 SENSOR_MM = (3.0, 400.0)
@@ -74,7 +74,7 @@ def check_fits(sensor: Sensor, low: np.ndarray, high: np.ndarray) -> None:
 
 
 def check_indenter(study: Study) -> None:
-    """Refuse parts of an indenter that are implausibly small or large, or whose file lies beside its own origin."""
+    """Refuse parts of an indenter that are implausibly small or large, or whose file lies next to its own origin."""
     wide = max(study.sensor.width_x_mm, study.sensor.width_y_mm)
     least, most = INDENTER_SHARE
     limits = least * wide, most * wide
@@ -93,7 +93,7 @@ def check_indenter(study: Study) -> None:
 
 
 def indenter_words(indenter: Indenter) -> list[str]:
-    """Return of each part of an indenter its extents [mm], and of a file where its lowest point is beside the position."""
+    """Return of each part of an indenter its extents [mm], and of a file where its lowest point is next to the position."""
     lines = []
     for part in indenter.shapes:
         corners = part_corners(part)

@@ -5,7 +5,7 @@ far as the coarse-mesh solution got: the same indentation on a mesh with all siz
 bar yet: near the contact's rim the difference of a bin changes sign from place to place. Its mean square over a bin and its
 neighbours does not, and the true error is a stable part of its root, with a small share of the bin's own force.
 
-In a total the errors of near and far size can cancel, at other depths than in the coarse-mesh solution's difference. Beside
+In a total the errors of near and far size can cancel, at other depths than in the coarse-mesh solution's difference. Next to
 a part of that difference stand a part of the bins' bars and two shares of the force. One is what few nodes in contact cannot
 resolve: an error in proportion to the square of element size over contact radius, hence to one over their number. The other
 is what few elements between contact and base cannot: an incompressible gel is squeezed aside in a parabola over its height,

@@ -41,7 +41,7 @@ LITTLE_WAY = (
 
 @dataclass(frozen=True)
 class Variation:
-    """A study a little beside another one: what a derivative is taken along."""
+    """A study close to another one: what a derivative is taken along."""
 
     study: Study
     laws: Mapping[str, PrincipalLaw]  # by material
@@ -57,7 +57,7 @@ class Variation:
 
     @cached_property
     def inputs(self) -> str:
-        """The digest of all that decides the derivative beside the run that it belongs to."""
+        """The digest of all that decides the derivative in addition to the run that it belongs to."""
         without = self.without and model_inputs(self.without, self.laws)
         parts = [model_inputs(self.study, self.laws), self.amount, self.alone, without, self.share]
         return digest([*parts, self.instead and self.instead.inputs])

@@ -163,7 +163,7 @@ def predict_frames(
     camera : Camera, optional
         Frames are remapped to the model's view where it differs (`remap_to`).
     plane_z_mm : float, optional
-        Height of the plane [mm, sensor frame] that both views show alike.
+        Height of the plane [mm, sensor frame] that both views show at one scale.
 
     Yields
     ------

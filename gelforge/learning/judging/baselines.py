@@ -1,4 +1,4 @@
-"""Baselines beside the network: ridge, kernel ridge and nearest neighbours of scikit-learn, and inverse elasticity."""
+"""Baselines next to the network: ridge, kernel ridge and nearest neighbours of scikit-learn, and inverse elasticity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predictions of the held-out cells, by the network and by the baselines, and of rows it was trained on, beside labels."""
+"""Predictions of the held-out cells, by the network and by the baselines, and of rows it was trained on, next to labels."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from gelforge.progress import tracked
 
 FORMAT = "gelforge-predictions-5"
 BLOCK = 256  # rows in memory at a time (no result depends on it)
-TRAINING_ROWS = 2000  # at most, whose error stands beside that of test rows
+TRAINING_ROWS = 2000  # at most, whose error stands next to that of test rows
 KEPT = (
     *("cell", "session", "press", "image_index", "position_mm", "depth_mm", "total_force_ft_N"),
     *("untouched", "phase", "total_force_fem_sigma_N"),
@@ -127,7 +127,7 @@ def predict_test_rows(
 
 
 def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) -> None:
-    """Write what the network says of every row, beside the labels and what is known of the row."""
+    """Write what the network says of every row, next to the labels and what is known of the row."""
     for name in ("predicted_N", "true_N", *(INTERVALS_OF_BINS if model.intervals else ())):
         _create(file, name, (len(rows), bins, 3), "f4", "N", chunks=(1, bins, 3))
     for name in INTERVALS_OF_TOTALS if model.intervals else ():
@@ -165,7 +165,7 @@ def _indenter(about: dict) -> str:
 def _write_training_rows(
     file: h5py.File, rows: ShardDataset, training: np.ndarray, model: Model, seed: int
 ) -> None:
-    """Write what the network says of rows among those that it was trained on (n,), beside the labels."""
+    """Write what the network says of rows among those that it was trained on (n,), next to the labels."""
     index = at_most(one_of_each_press(rows, training), TRAINING_ROWS, seed)
     shape = len(index), *model.scaling.output_mean.shape
     for name in (OF_TRAINING["predicted"], OF_TRAINING["true"]):

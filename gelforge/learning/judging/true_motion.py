@@ -1,4 +1,4 @@
-"""Predictions from the true motion of a virtual lab's particles, written beside those from its images."""
+"""Predictions from the true motion of a virtual lab's particles, written next to those from its images."""
 
 from __future__ import annotations
 

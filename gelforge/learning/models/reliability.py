@@ -35,7 +35,7 @@ class Zero:
 
 
 def find_zero(force: np.ndarray, true: np.ndarray, untouched: np.ndarray, grid: tuple) -> Zero:
-    """Return the thresholds of predicted distributions (n, B, 3) [N] beside the true ones of validation rows (n,).
+    """Return the thresholds of predicted distributions (n, B, 3) [N] next to the true ones of validation rows (n,).
 
     An image touches from a little above the largest force that untouched images show on. A bin of a touched image does from
     the threshold under which the centre of pressure errs least: many bins far away that show a little draw it to the middle

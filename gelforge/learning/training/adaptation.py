@@ -123,7 +123,7 @@ def _is_usable(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> b
 
 
 def _deviation(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> float:
-    """Return the standard deviation of a gain that axes share; rows of one indentation err alike and count as one."""
+    """Return the standard deviation of a gain that axes share; rows of one indentation err together and count as one."""
     there, wanted = said[:, shared], presses.measured[:, shared]
     size = float((there**2).sum())
     if not size:

@@ -77,7 +77,7 @@ def _without_denormals() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a training does with its network, beside the network."""
+    """What a training does with its network, in addition to the network itself."""
 
     learning: CompleteLearning
     grids: Grids
@@ -108,7 +108,7 @@ def train(
     has the weights of the last step. Validation rows decide none of this: their loss is recorded, and thresholds and
     intervals are found on them. Their orbits are neither trained on nor tested.
 
-    A checkpoint `<model>.checkpoint.pt` beside the model holds weights, the optimiser's moments and losses; random numbers
+    A checkpoint `<model>.checkpoint.pt` next to the model holds weights, the optimiser's moments and losses; random numbers
     depend on seed and pass only. A run that finds one of the same settings and shards goes on from it, with the same result
     as an uninterrupted run on the same machine and number of threads; one of other settings is discarded. The last run
     removes it.
@@ -235,7 +235,7 @@ def one_pass(
 def mean_error(predicted: torch.Tensor, targets: torch.Tensor, relative: bool) -> torch.Tensor:
     """Return the mean over rows of the mean squared error of bins (n, 3 B) in scaled units.
 
-    relative: over the row's own mean square and LIGHT, so that light contacts count beside deep ones.
+    relative: over the row's own mean square and LIGHT, so that light contacts count next to deep ones.
     """
     error = (predicted - targets).square().mean(dim=1)
     return (error / (targets.square().mean(dim=1) + LIGHT) if relative else error).mean()

@@ -1,4 +1,4 @@
-"""Which tests of a material may be compared: alike in all circumstances but one."""
+"""Which tests of a material may be compared: equal in all circumstances but one."""
 
 from __future__ import annotations
 
@@ -76,12 +76,12 @@ def common_hold(held: list[Relaxation]) -> tuple[float, float]:
 
 
 def alike_groups(tests: list[MaterialTest]) -> list[list[MaterialTest]]:
-    """Return the tests of one kind in groups that are alike in every circumstance, as far as it is known."""
+    """Return the tests of one kind in groups that are equal in every circumstance, as far as it is known."""
     return _grouped(tests, [(test.test, *key) for test, key in zip(tests, _keys(tests))])
 
 
 def alike_holds(held: list[tuple[MaterialTest, Relaxation]]) -> list[list[tuple[MaterialTest, Relaxation]]]:
-    """Return the holds of one kind of test in groups that are alike in every circumstance and in the held strain."""
+    """Return the holds of one kind of test in groups that are equal in every circumstance and in the held strain."""
     tests, levels = [test for test, _ in held], _held_levels([fit for _, fit in held])
     return _grouped(held, [(test.test, *key, level) for test, key, level in zip(tests, _keys(tests), levels)])
 
@@ -94,7 +94,7 @@ def _grouped(items: list, keys: list[tuple]) -> list[list]:
 
 
 def _held_levels(held: list[Relaxation]) -> list[int]:
-    """Return for each hold the number of its cluster of alike strains: relaxation of a soft solid depends on strain."""
+    """Return for each hold the number of its cluster of equal strains: relaxation of a soft solid depends on strain."""
     strains = [fit.stretch - (fit.abscissa == "stretch") for fit in held]
     levels = [(np.sign(e), np.log(max(abs(e), 1e-6))) for e in strains]
     known = sorted(set(levels))
@@ -110,7 +110,7 @@ def _loads(test: MaterialTest) -> bool:
 
 
 def _keys(tests: list[MaterialTest]) -> list[tuple]:
-    """Return for each test the numbers of its clusters of alike values, one per circumstance; None is unknown."""
+    """Return for each test the numbers of its clusters of equal values, one per circumstance; None is unknown."""
     columns = []
     for circumstance in CIRCUMSTANCES:
         values = [getattr(t, circumstance.attribute) for t in tests]
@@ -122,7 +122,7 @@ def _keys(tests: list[MaterialTest]) -> list[tuple]:
 
 
 def _groups(keys: list[tuple], number: int) -> list[list[int]]:
-    """Return the tests that are alike but in circumstance `number`, where it takes two values at least."""
+    """Return the tests that are equal but in circumstance `number`, where it takes two values at least."""
     groups: dict[tuple, list[int]] = {}
     for i, key in enumerate(keys):
         if key[number] is not None:

@@ -23,7 +23,7 @@ NOTABLE_TURN = (
     0.1  # of ln stress between both ends of the comparison: the curves differ in shape, not by a factor
 )
 NEGLIGIBLE = 0.05  # relative change of stress over the tested span; samples of one sheet scatter by as much
-UNLIKELY_SCATTER = 2 * NEGLIGIBLE  # of samples made alike: what needs more is no chance
+UNLIKELY_SCATTER = 2 * NEGLIGIBLE  # of samples made in the same way: what needs more is no chance
 CONFIDENCE = 0.95  # of every interval of a material, as percentile_interval has 95 %
 LEVELS = 40  # stretches at which curves are compared
 LOW_STRAIN_SHARE = 0.2  # of the common range: there the stress is small and its offset counts

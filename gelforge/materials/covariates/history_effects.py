@@ -34,7 +34,7 @@ Found = tuple[list[MeasuredEffect], list[tuple[str, str]]]
 
 
 def relaxation_effects(tests: list[MaterialTest]) -> Found:
-    """Return the first hold of each test, the mean of tests made alike, and what circumstances do to it."""
+    """Return the first hold of each test, the mean of tests made in the same way, and what circumstances do to it."""
     effects, not_judged, held = [], [], []
     for test in tests:
         if test.time_s is None or not any(s.kind == "hold" for s in test.segments):
@@ -253,7 +253,7 @@ def _ogden_roxburgh(kind: str, cycled: list[MaterialTest]) -> MeasuredEffect:
 
 
 def lateral_effects(tests: list[MaterialTest]) -> Found:
-    """Return ln lam_2 / ln lam_1 of tests whose lateral stretch was tracked, beside that of constant volume."""
+    """Return ln lam_2 / ln lam_1 of tests whose lateral stretch was tracked, next to that of constant volume."""
     effects = []
     for kind, expected in ISOCHORIC.items():
         slopes = {}

@@ -1,4 +1,4 @@
-r"""Relaxation at a held stretch: a Prony series by non-negative least squares, and a power law beside it.
+r"""Relaxation at a held stretch: a Prony series by non-negative least squares, and a power law.
 
 .. math:: P(t) = P_0 [g_\infty + \sum_i g_i e^{-t/\tau_i}], \qquad g_\infty + \sum_i g_i = 1.
 

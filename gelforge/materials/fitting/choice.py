@@ -251,7 +251,7 @@ def _chosen(candidates: list[Candidate], choose: str, fallback: dict[str, str]) 
 
 
 def _without_idle(best: Candidate, similar: list[Candidate], criterion: str) -> Candidate:
-    """Return the best model, or where it has parameters at their bounds the best simpler one of those alike."""
+    """Return the best model, or where it has parameters at their bounds the best simpler one of similar ones."""
     if not best.fitted.at_bound:
         return best
     simpler = [c for c in similar if c.parameters < best.parameters and not c.fitted.at_bound]

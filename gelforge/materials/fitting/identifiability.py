@@ -19,7 +19,7 @@ WIDTH_TO_WARN = 0.10  # high over low - 1 of a prediction
 REFERENCE = "ogden3"  # contains neo-Hooke and Mooney-Rivlin (alpha = 2, -2) and Ogden with fewer terms, and stiffens twice
 LEAST_FREEDOM = 3.0  # of a misfit: with fewer its scatter is not known at all
 PULL = 100.0  # weight of the prescribed stress: it is met to 1e-4
-FRESH_STARTS = 2  # beside the neighbouring fit
+FRESH_STARTS = 2  # in addition to the neighbouring fit
 SCANNED = np.geomspace(
     1 / 30, 30, 15
 )  # prescribed stress over that of a neo-Hookean law of the same stiffness

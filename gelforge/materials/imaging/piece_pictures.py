@@ -1,6 +1,6 @@
 """From a material test whose rows name pictures to a table with stretches (and the apex radius of a membrane).
 
-Tension: `time_s, force_N, image`. Inflation: `time_s, pressure_kPa, top_image, side_image`. Pictures lie beside the
+Tension: `time_s, force_N, image`. Inflation: `time_s, pressure_kPa, top_image, side_image`. Pictures lie next to the
 CSV (or in a folder that the names give); the first row shows the undeformed piece. samples.csv may state, per sample,
 the window to be tracked and the patch in pixels of the first picture; an inflation needs the side view's mm_per_px.
 Rows without a trusted stretch are left out, each with its reason.

@@ -7,7 +7,7 @@ frame) is kept as a polynomial about the window's centre. Each frame:
 1. the frame is pulled back to the first one by the map predicted from the frames before it,
 2. pyramidal Lucas-Kanade flow (Bouguet 2001) gives what is left at a grid of points, forward and backward,
 3. a robust fit (Tukey's biweight) of all points corrects the map; both are repeated until the map rests,
-4. the same against the oldest key frame that still looks alike, so that errors do not add up frame by frame.
+4. the same against the oldest key frame that still looks similar, so that errors do not add up frame by frame.
 
 F = d phi / d X at the centre, F = R U, and lam1, lam2 are the eigenvalues of U. Pictures are compared after local
 normalisation (mean and standard deviation), so brightness and contrast may drift. A frame that cannot be trusted is
@@ -54,7 +54,7 @@ class TrackingSettings:
     point_correlation: float = 0.5  # of a patch after alignment
     frame_correlation: float = 0.7  # median over the points, below which the texture counts as lost
     key_correlation: float = 0.9  # below which a new key frame is taken
-    anchor_correlation: float = 0.8  # above which an old key frame still looks alike
+    anchor_correlation: float = 0.8  # above which an old key frame still looks similar
     key_stretch: float = 1.2  # deformation since the last key frame after which a new one is taken
     seen_share: float = 0.4  # of the points of the window that must lie in the picture
     held_share: float = 0.6  # of these, that must move together: a background must not outvote the piece
@@ -229,7 +229,7 @@ class _Tracker:
         identity[0], identity[1, 0], identity[2, 1] = self.centre, self.scale, self.scale
         picture, _ = self._pulled_back(first, identity)
         self.keys = [_KeyFrame(0, picture, np.eye(2))]
-        self.oldest = 0  # of the key frames that still look alike
+        self.oldest = 0  # of the key frames that still look similar
         self.maps: list[np.ndarray | None] = [identity]
         self.fits: list[_Fit] = [_Fit(identity, np.zeros((2, 2)), 1.0, len(self.grid), "")]
         self.anchors = [0]

@@ -64,7 +64,7 @@ def input_files(folder: str | Path) -> list[Path]:
     """Return every file that decides a material's results.
 
     samples.csv, the files of all samples that it lists, in its order, the pictures that these name, and the small
-    tests beside them; the latter alone where there is no samples.csv.
+    tests next to them; the latter alone where there is no samples.csv.
     """
     tables, small = _tables(Path(folder)), small_test_files(folder)
     pictures = [picture for table in tables[1:] if table.is_file() for picture in picture_files(table)]

@@ -1,7 +1,7 @@
 """A number type of compiled functions: the same quantity of several elements, in the lanes of vector registers.
 
 Arithmetic of lanes is that of LLVM's vectors, so that it needs no loop that a compiler may or may not vectorise. Code is
-written as for floats: + - * / **, abs, min, max and the functions of `math` below take lanes, and a float beside lanes is
+written as for floats: + - * / **, abs, min, max and the functions of `math` below take lanes, and a float next to lanes is
 the same in all of them. What lanes cannot do is branch: `where_less` chooses instead.
 """
 

@@ -18,7 +18,7 @@ from gelforge.mechanics.meshes.elements import ELEMENTS
 
 # Derivatives against differences of full solutions (tests/verification/test_direct_sensitivities.py):
 # Share of a difference that is taken. With nodes elsewhere, displacements that stay change volumes, against a bulk modulus
-# of a thousand shear moduli: the square of such a change must be little beside what shears.
+# of a thousand shear moduli: the square of such a change must be little against what shears.
 LESS = 1e-3
 MODULI = ("stiffness", "element_bulk", "local_bulk")
 

@@ -154,7 +154,7 @@ def remap_to(
     camera : Camera or None
         The camera that takes the images; None where it is not known.
     plane_z_mm : float or None
-        Height of the plane [mm, sensor frame] that both views show alike.
+        Height of the plane [mm, sensor frame] that both views show at one scale.
     crop_px : list of int or None
         Left, top, width and height [px] that images are cropped to.
     scale : float

@@ -215,7 +215,7 @@ def _no_answer_at_all(every: pd.DataFrame) -> Finding | None:
 
 
 def force_grows(data: SessionData) -> list[Finding]:
-    """Return the indentations whose force is too small beside that of a much shallower one at the same site, both loading.
+    """Return the indentations whose force is too small against that of a much shallower one at the same site, both loading.
 
     Forces are those of the first reading at depth, of two dwell or two load rows: relaxation is no fall. Of two that
     contradict each other the one farther from the session's force over depth is blamed.

@@ -265,7 +265,7 @@ def image_grows(series: ImageSeries) -> list[Finding]:
 
 
 def flow_lost_of(table: pd.DataFrame) -> list[Finding]:
-    """Return the indentations whose displacements the flow could not follow; their rows stay, `flow_lost` beside them."""
+    """Return the indentations whose displacements the flow could not follow; their rows stay, `flow_lost` next to them."""
     remedy = "these features are no displacements: press less deep, or record finer texture, more pixels or more light"
     lost = table[table["flow_lost"] > MOST_LOST].drop_duplicates("press")
     return [

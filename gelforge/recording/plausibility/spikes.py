@@ -50,7 +50,7 @@ def force_spikes(data: SessionData) -> list[Finding]:
 
 
 def _beyond(rows: pd.DataFrame, floor_N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n - 1, 3) [N] of the readings of an indentation after the first: how far each lies outside those beside it
+    """Return (n - 1, 3) [N] of the readings of an indentation after the first: how far each lies outside those next to it
 
     (0 where it is not asked), and the share of the force that is let pass.
     """

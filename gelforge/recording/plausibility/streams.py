@@ -53,7 +53,7 @@ class ForceLog:
     def at(self, at: np.ndarray) -> np.ndarray:
         """Return forces (N, 3) at times: the mean of samples within WINDOW_S, else between neighbours, NaN in a gap.
 
-        Fewer than FEW samples are no mean but beside a gap: they may lie to one side, which is another force on a ramp.
+        Fewer than FEW samples are no mean, except at a gap: they may lie to one side, which is another force on a ramp.
         """
         first = np.searchsorted(self.time_s, at - WINDOW_S)
         last = np.searchsorted(self.time_s, at + WINDOW_S, side="right")

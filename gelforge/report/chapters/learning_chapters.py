@@ -168,7 +168,7 @@ WITH_TRUTH = {
 
 
 def error_tables(results: StudyResults) -> Chapter:
-    """Return the tables of the evaluation, of the article's study with its numbers beside them."""
+    """Return the tables of the evaluation, of the article's study with its numbers next to them."""
     chapter = Chapter("errors", "Error tables")
     for name, words in TABLES.items():
         table = results.table(name)

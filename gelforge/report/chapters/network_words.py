@@ -8,7 +8,7 @@ import pandas as pd
 from gelforge.report.chapters.chapter import millinewtons, newtons
 
 CLEARLY = 0.9  # of the best baseline's error: closer is a tie
-WORSE = 1.5  # times the other classes' error, beside which a class stands out
+WORSE = 1.5  # times the other classes' error, next to which a class stands out
 # RMSES z on test rows over that on training rows. Above OVERFIT most of the squared error is of places that were not learnt.
 # Below UNDERFIT the network errs on what it has seen as on what it has not: it has not fitted it. Above it more steps may
 # still help. The U-Net on the demo's rows: 1.00 after 480 steps, 1.09 after 960, 1.19 after 2,000, 1.52 after 6,000, with

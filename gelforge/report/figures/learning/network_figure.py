@@ -1,4 +1,4 @@
-"""The network's error beside baselines, and by depth and place."""
+"""The network's error next to baselines, and by depth and place."""
 
 from __future__ import annotations
 

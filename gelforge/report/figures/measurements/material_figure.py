@@ -38,7 +38,7 @@ TITLES = {
     "compression": "Compression",
     "simple_shear": "Simple shear",
 }
-BESIDE = {"compression", "simple_shear"}  # without a standard test beside them, its empty panels say nothing
+BESIDE = {"compression", "simple_shear"}  # without a standard test next to them, its empty panels say nothing
 SHOWN_STRETCH = (1.0, 2.0)  # where no test was made at all and the law stands alone (no result depends on it)
 OTHER_LAWS = [
     (PREDICTED, "--"),
@@ -48,7 +48,7 @@ OTHER_LAWS = [
     ("#8C6D1F", "-."),
     ("#555555", ":"),
     (PREDICTED, (0, (6, 1.5, 1, 1.5, 1, 1.5))),
-]  # one for each law beside the chosen one
+]  # one for each law but the chosen one
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
 
 
@@ -58,7 +58,7 @@ def material_figure(
 ) -> Figure:
     """Return Cauchy stress over stretch in the three load cases, one scale for all, as in the paper's fig. 4.
 
-    others: law files of the same tests, drawn beside the law. Further kinds of test have panels of their own, and the
+    others: law files of the same tests, drawn next to the law. Further kinds of test have panels of their own, and the
     only ones where no test is in tension. Below, the model minus the mean of the samples. R2 in the panels is that
     of the nominal stress, which was fitted.
     """

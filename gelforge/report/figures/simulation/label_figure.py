@@ -87,7 +87,7 @@ def _unrolled(sensor: dict, x_mm: float, y_mm: float) -> tuple[float, float] | N
 
 
 def _sensor_of_dataset(shard: Path) -> dict:
-    """Return the sensor's settings from the manifest beside a shard, which has the label but not the sensor's size."""
+    """Return the sensor's settings from the manifest next to a shard, which has the label but not the sensor's size."""
     manifest = shard.parent / "manifest.json"
     remedy = (
         f"it says how large the sensor of {shard.name} is: build the dataset again (snakemake -R {manifest})"
