@@ -82,7 +82,7 @@ def decide(
     Returns
     -------
     Decision
-        Sites to be solved next, and how many labels are beyond the tolerance.
+        Sites of the next level, sites of the plan that are solved themselves, and how many labels are beyond the tolerance.
     """
     lattice, have = solved.lattice, set(solved.sites)
     beyond: list[PlannedCell] = []

@@ -98,7 +98,7 @@ def place_particles(particles: VirtualParticles, sensor: Sensor, serial: str) ->
     Parameters
     ----------
     particles : VirtualParticles
-        Diameter [mm] and least distance, or dots.
+        Diameter [mm] and volume fraction, or dots.
     sensor : Sensor
         Layers with their volume fraction of particles.
     serial : str
@@ -112,7 +112,7 @@ def place_particles(particles: VirtualParticles, sensor: Sensor, serial: str) ->
     Raises
     ------
     VirtualLabError
-        For a sensor without particles and dots, and for a fraction that cannot be placed.
+        For a sensor without particles and dots, a layer thinner than a particle, and dots closer than their diameter.
     """
     rng = np.random.default_rng(serial_seed(serial))
     if particles.dots:

@@ -168,7 +168,7 @@ def predict_frames(
     Yields
     ------
     Prediction
-        Forces of the bins (B, 3) [N] with their intervals.
+        Forces of the bins (B, 3) [N], features, and seconds by step.
 
     Raises
     ------

@@ -40,7 +40,7 @@ def contacts(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> list[
     Returns
     -------
     list of Contact
-        Force [N], centre [mm] and bins of each.
+        Force (3,) [N] and centre (2,) [mm] of each.
     """
     field = force.reshape(ny, nx, 3)
     _, regions = _connected((field != 0).any(axis=2))

@@ -81,7 +81,7 @@ def mean_curves(tests: list[MaterialTest]) -> list[MeanCurve]:
     Returns
     -------
     list of MeanCurve
-        Stretch [-], nominal stress [MPa] and scatter.
+        Stretch (n,) [-] and nominal stress of each sample (s, n) [MPa].
     """
     curves = []
     for kind in LOAD_CASE_OF:
