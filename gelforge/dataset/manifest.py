@@ -28,9 +28,25 @@ SUMS = "SHA256SUMS"
 def describe_dataset(
     study: Study, shards: Sequence[str | Path], feature_files: Mapping[str, str | Path], folder: str | Path
 ) -> dict:
-    """Write manifest.json, README.md, croissant.json and SHA256SUMS into the dataset's folder; return the manifest.
+    """Write manifest.json, README.md, croissant.json and SHA256SUMS into the dataset's folder.
 
     The same shards, features and raw files give the same bytes.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor, plan and split.
+    shards : sequence of str or Path
+        All shards.
+    feature_files : mapping of str to str or Path
+        Features of each session.
+    folder : str or Path
+        The dataset's folder.
+
+    Returns
+    -------
+    dict
+        The manifest.
     """
     folder = Path(folder)
     manifest = make_manifest(study, shards, feature_files)
@@ -103,7 +119,23 @@ def verify(folder: str | Path) -> list[str]:
 
 
 def read_manifest(path: str | Path) -> dict:
-    """Return a manifest; DatasetError names the file where it is missing or not one."""
+    """Return a dataset's manifest.
+
+    Parameters
+    ----------
+    path : str or Path
+        manifest.json.
+
+    Returns
+    -------
+    dict
+        Shards with their SHA-256, raw files, settings and failed sites.
+
+    Raises
+    ------
+    DatasetError
+        For a file that is missing, damaged or no manifest.
+    """
     path = Path(path)
     manifest = read_product_json(path, f"build the dataset again (snakemake -R {path})", DatasetError)
     if manifest.get("format") != FORMAT:
@@ -114,7 +146,20 @@ def read_manifest(path: str | Path) -> dict:
 
 
 def check_shards(shards: Sequence[str | Path], manifest: str | Path) -> None:
-    """Raise DatasetError for a shard that is not the one that the manifest lists; without a manifest nothing is known."""
+    """Refuse a shard that is not the one that the manifest lists; without a manifest nothing is known.
+
+    Parameters
+    ----------
+    shards : sequence of str or Path
+        Shards to be read.
+    manifest : str or Path
+        manifest.json.
+
+    Raises
+    ------
+    DatasetError
+        Names shard and remedy.
+    """
     if not Path(manifest).is_file():
         return
     listed = {shard["file"]: shard["sha256"] for shard in read_manifest(manifest)["shards"]}

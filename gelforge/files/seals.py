@@ -47,9 +47,17 @@ def errno_of(error: BaseException) -> int:
 
 
 def seal(path: str | Path) -> None:
-    """Write the SHA-256 of a file into the place that it keeps for it; a zip archive without comment gets one.
+    """Write into a file the SHA-256 of its bytes.
 
-    Raises ValueError for a file that keeps no such place.
+    Parameters
+    ----------
+    path : str or Path
+        A whole file with a place for its sum: HDF5, zip archive, JSON or CSV.
+
+    Raises
+    ------
+    ValueError
+        For a file without such a place.
     """
     path = Path(path)
     place = _seal_place(path)

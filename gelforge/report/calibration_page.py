@@ -23,7 +23,18 @@ Content = dict[str, Any]
 
 
 def write_calibration_page(folder: str | Path) -> Path:
-    """Write report.html next to calibration.json and readings.csv in a folder; return its path."""
+    """Write the page of a calibration.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Holds calibration.json and readings.csv.
+
+    Returns
+    -------
+    Path
+        report.html in the folder.
+    """
     folder = Path(folder)
     content = read_product_json(folder / CALIBRATION, "run `gelforge calibrate` again")
     readings = read_table(folder, READINGS, content["tables"])

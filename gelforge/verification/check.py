@@ -46,7 +46,18 @@ def vanishing(quantity: str, source: str, value: float | np.floating, limit: flo
 
 
 def check_table(checks: list[Check]) -> pd.DataFrame:
-    """Return the table of checks, one row each."""
+    """Return the checks as a table.
+
+    Parameters
+    ----------
+    checks : iterable of Check
+        As `run_checks` yields them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per check.
+    """
     columns = ("quantity", "source", "reference", "found", "error", "limit")
     table = pd.DataFrame([[getattr(check, name) for name in columns] for check in checks], columns=columns)
     return table.assign(passed=[check.passed for check in checks])

@@ -297,5 +297,21 @@ class ImportMapping(Section):
 
 
 def load_import(path: str | Path) -> ImportMapping:
-    """Return the validated import described by a YAML file."""
+    """Return the mapping that says what the columns of a session's logs mean.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML.
+
+    Returns
+    -------
+    ImportMapping
+        Validated.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key, column or unit.
+    """
     return load_section(path, ImportMapping)

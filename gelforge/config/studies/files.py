@@ -355,7 +355,25 @@ def section_from(model: type[Section], content: dict[str, Any], source: str) -> 
 
 
 def load_section(path: str | Path, model: type[Section]) -> Any:
-    """Return the validated section of another kind (a mapping of columns, a small test) that a YAML file holds."""
+    """Return the section of the configuration that a YAML file holds.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    model : type of Section
+        The class of the section.
+
+    Returns
+    -------
+    Section
+        Validated, of class `model`.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key or a value out of range.
+    """
     return _validated(model, read_yaml(Path(path)), str(path))
 
 

@@ -42,5 +42,18 @@ class OnnxCheck:
 
 
 def write_check(path: str | Path, check: OnnxCheck) -> None:
-    """Write a comparison as JSON."""
+    """Write the comparison of ONNX Runtime with PyTorch as JSON.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    check : OnnxCheck
+        Images compared, largest difference [N], and each output's share of its limit.
+
+    Raises
+    ------
+    FileError
+        For a full disk; what was there before stays.
+    """
     write_json(path, {"format": FORMAT, **asdict(check)})

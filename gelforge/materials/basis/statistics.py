@@ -65,9 +65,25 @@ def channel_step(values: np.ndarray) -> float:
 
 
 def resampled(model: np.ndarray, residual: np.ndarray, draws: int, rng) -> Iterator[np.ndarray]:
-    """Yield a model (n,) with resampled blocks of its residuals (n,), `draws` times; neighbours stay together.
+    """Yield a model with resampled blocks of its residuals; neighbours stay together.
 
     Blocks are n^(1/3) rows long (Kuensch 1989, doi 10.1214/aos/1176347265) and run over the end into the beginning.
+
+    Parameters
+    ----------
+    model : numpy.ndarray
+        (n,).
+    residual : numpy.ndarray
+        (n,), in the unit of the model.
+    draws : int
+        Number of resampled models.
+    rng : numpy.random.Generator
+        Draws the blocks.
+
+    Yields
+    ------
+    numpy.ndarray
+        (n,).
     """
     n = len(model)
     block = max(1, round(n ** (1 / 3)))

@@ -162,16 +162,36 @@ class Comparison:
 def compare_laws(
     curves: list[MeanCurve], names: list[str], loss: str = "linear", choose: str = "aicc"
 ) -> Comparison:
-    """Return the comparison of laws by name; raise FitError where none is determined and stable.
+    """Return the comparison of constitutive models by name, and which is chosen.
 
-    choose: "aicc" (lowest among the laws that describe the tests, where any does: the few points that a smooth
-    misfit is worth would let a straight line win over a curve), "held_out" (least error of tests left out; AICc where
-    there is one kind of test only), or "first" (the first name, which must be determined). A model with a parameter at its
-    bound gives way to a simpler one that is as good, within NO_SUPPORT of AICc or SAME_ERROR. Where no model is determined,
-    simpler ones of their families that describe the tests are fitted in their place.
+    A model with a parameter at its bound gives way to a simpler one that is as good, within NO_SUPPORT of AICc or
+    SAME_ERROR. Where no model is determined, simpler ones of their families that describe the tests are fitted in their
+    place.
 
-    AICc = n ln(misfit^2) + 2 q + 2 q (q + 1) / (n - q - 1) with q = parameters + 1 (Hurvich & Tsai 1989), n the number
-    of points that the correlated residuals of the closest law are worth.
+    AICc = n ln(misfit^2) + 2 q + 2 q (q + 1) / (n - q - 1) with q = parameters + 1 (Hurvich & Tsai 1989), n the number of
+    points that the correlated residuals of the closest model are worth.
+
+    Parameters
+    ----------
+    curves : list of MeanCurve
+        As `mean_curves` returns them.
+    names : list of str
+        Keys of FAMILIES.
+    loss : str
+        "linear" for least squares, "soft_l1" against outliers.
+    choose : str
+        "aicc": the lowest among the models that describe the tests, where any does. "held_out": the least error of
+        tests left out, or AICc where there is one kind of test. "first": the first name, which must be determined.
+
+    Returns
+    -------
+    Comparison
+        All candidates, the chosen one, and how far it is determined where nothing was tested.
+
+    Raises
+    ------
+    FitError
+        Where no model is determined and stable.
     """
     if not names:
         raise FitError(f"no constitutive model is named; give some of {', '.join(FAMILIES)}")

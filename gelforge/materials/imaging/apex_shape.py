@@ -43,9 +43,24 @@ class ApexShape:
 
 
 def apex_shape(picture: np.ndarray, mm_per_px: float) -> ApexShape:
-    """Return the radius of curvature and the place of the apex of a side view (rows, columns), the membrane bulging upwards.
+    """Return the radius of curvature and the place of the apex of an inflated membrane.
 
-    SilhouetteError where there is no outline, or where it is too flat to have a radius.
+    Parameters
+    ----------
+    picture : numpy.ndarray
+        (rows, columns) grey levels of a side view, the membrane bulging upwards.
+    mm_per_px : float
+        Scale of the picture.
+
+    Returns
+    -------
+    ApexShape
+        Radius with its standard error [mm], apex [px] and error of the outline [px].
+
+    Raises
+    ------
+    SilhouetteError
+        Where there is no outline, or it is too flat to have a radius.
     """
     picture = np.asarray(picture, float)
     smooth = gaussian_filter(picture, 1.0)

@@ -64,10 +64,27 @@ def fit_modulus(
     thickness_mm: float | None = None,
     machine: IndentationTest | None = None,
 ) -> Modulus:
-    """Return Young's modulus of an incompressible layer from one loading.
+    """Return Young's modulus of an incompressible layer from one loading by a ball.
 
-    machine: the same indentation on a rigid board; its own give at each force is taken off the depth (contact points of
-    both are found separately). Raises ValueError where the data hold no contact or no rest.
+    Parameters
+    ----------
+    test : IndentationTest
+        Position [mm], force [N] and ball radius [mm].
+    thickness_mm : float, optional
+        Of the layer; None for a half space.
+    machine : IndentationTest, optional
+        The same indentation on a rigid board. Its give at each force is taken off the depth; contact points of both
+        are found separately.
+
+    Returns
+    -------
+    Modulus
+        [MPa] with 95 % interval, contact point [mm], and what limits the number.
+
+    Raises
+    ------
+    ValueError
+        For a ball of unknown radius, and data without contact or rest.
     """
     if test.ball_radius_mm is None:
         raise ValueError(f"{test.source}: the ball's radius is not known; give ball_radius_mm")

@@ -151,7 +151,22 @@ def mean_gradient(gradient: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def quadratic_tetrahedra(X: np.ndarray, tetrahedra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes (N + edges, 3) and numbers (E, 10) of straight 10-node tetrahedra from X (N, 3) and corners (E, 4)."""
+    """Return straight tetrahedra of ten nodes from their corners.
+
+    Parameters
+    ----------
+    X : numpy.ndarray
+        (N, 3) [mm] corners.
+    tetrahedra : numpy.ndarray
+        (E, 4) int, rows of corners.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N + edges, 3) [mm]: the corners, then the middle of each edge.
+    numpy.ndarray
+        (E, 10) int32, in meshio's order.
+    """
     edges = np.sort(tetrahedra[:, TET10_EDGES], axis=-1).reshape(-1, 2)
     unique, middle = np.unique(edges, axis=0, return_inverse=True)
     nodes = np.concatenate([X, X[unique].mean(axis=1)])

@@ -80,10 +80,38 @@ def follow_with_slopes(
     seconds: list[float] | None = None,
     forces_only: bool = False,
 ) -> Iterator[tuple[State, Slopes]]:
-    """Yield the base's state at each centre (D, 3) or (D, 6) in turn, with its derivatives along each varied indentation.
+    """Yield the state at each centre of the indenter, with its derivatives along varied indentations.
 
-    The base goes its whole way before the first is yielded. seconds and forces_only: see slopes_along. Raises NotConverged
-    as the base does, after what it has reached; ValueError where a mesh has other elements or the body remembers.
+    The base goes its whole way before the first state is yielded.
+
+    Parameters
+    ----------
+    base : Press
+        Body, indenter and settings.
+    start : State
+        In equilibrium.
+    centres : numpy.ndarray
+        (D, 3) [mm], or (D, 6) with turns [rad].
+    varied : sequence of Varied
+        Indentations that differ by a small amount.
+    seconds : list of float, optional
+        As of slopes_along.
+    forces_only : bool
+        As of slopes_along.
+
+    Yields
+    ------
+    State
+        At one centre.
+    Slopes
+        Derivatives of forces [N] and displacements [mm] per unit of each amount.
+
+    Raises
+    ------
+    NotConverged
+        As the base raises it, after the states that it has reached.
+    ValueError
+        Where a mesh has other elements, or the body remembers.
     """
     _check(base, varied)
     path, failure = Followed(start, np.asarray(centres, dtype=float), [], []), None

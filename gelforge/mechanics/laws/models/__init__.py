@@ -39,7 +39,23 @@ def family_of(law: PrincipalLaw) -> Family:
 
 
 def parameters_of(law: PrincipalLaw) -> np.ndarray:
-    """Return the parameters (p,) of a law in the units of files, in the order of its family."""
+    """Return the parameters of a constitutive model in the units of files.
+
+    Parameters
+    ----------
+    law : PrincipalLaw
+        Moduli in MPa.
+
+    Returns
+    -------
+    numpy.ndarray
+        (p,) in the order of its family; moduli in kPa.
+
+    Raises
+    ------
+    ValueError
+        For a model that cannot be fitted.
+    """
     return family_of(law).parameters_of(law)
 
 
