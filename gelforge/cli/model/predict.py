@@ -14,7 +14,7 @@ from gelforge.cli.tables import print_table
 from gelforge.config import load_camera
 from gelforge.progress import tracked
 
-WARM_UP = 10  # frames whose times are not counted (no result depends on it)
+WARM_UP = 10  # frames whose times are not counted
 
 
 def predict(
