@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
+from synthetic_pictures.boards import BoardCamera, poses
 
 from gelforge.config import Camera, VirtualImaging
 from gelforge.recording.camera_pose import fit_pose
@@ -20,7 +21,6 @@ from gelforge.recording.optics.calibration import calibrate
 from gelforge.recording.optics.camera import image_axes, project, unproject
 from gelforge.recording.optics.expansion import centre_of_expansion
 from gelforge.recording.optics.remap import Remapper, places_in
-from gelforge.virtual_lab.boards import BoardCamera, poses
 from gelforge.virtual_lab.imaging import draw, expose
 
 SIZE = {"width_px": 640, "height_px": 480, "centre_px": [325.0, 236.0], "position_mm": [0, 0, 0]}

@@ -14,6 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pandas as pd
+from synthetic_pictures.membrane_views import MembraneFilm
+from synthetic_pictures.speckle import Camera, Speckle, TensileFilm
 
 from gelforge.materials.imaging.apex_shape import apex_shape
 from gelforge.materials.imaging.stretch_tracking import (
@@ -23,8 +25,6 @@ from gelforge.materials.imaging.stretch_tracking import (
     read_grey,
     track_stretches,
 )
-from gelforge.virtual_lab.membrane_views import MembraneFilm
-from gelforge.virtual_lab.speckle import Camera, Speckle, TensileFilm
 
 ROOT = Path(__file__).parents[1]
 DRIFTING = Camera(gain_drift=-0.3, gradient_drift=0.3, offset_drift_grey=15)

@@ -14,9 +14,26 @@ from gelforge.files import UNSEALED, USER_BLOCK, FileError, atomic, check_seal, 
 
 @contextmanager
 def writing(path: str | Path, **options) -> Iterator[h5py.File]:
-    """Yield an HDF5 file that appears under its name only when it is whole; options as of h5py.File.
+    """Yield an HDF5 file that appears under its name only when it is whole.
 
     The same content written in the same order gives the same bytes.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; missing folders above it are made.
+    **options
+        As of h5py.File.
+
+    Yields
+    ------
+    h5py.File
+        Open for writing until the block ends.
+
+    Raises
+    ------
+    FileError
+        For a full disk; what was there before stays.
     """
     with atomic(path, sealed=True) as temporary:
         with _Patient(temporary, "w+b") as below:
@@ -67,9 +84,28 @@ CALLED_BY_HDF5 = {method.__code__ for method in (_Patient.write, _Patient.trunca
 def opened(
     path: str | Path, expected: str | None, remedy: str, kind: type[ValueError] = FileError
 ) -> h5py.File:
-    """Return an HDF5 file opened for reading, after checking that it is whole and that its `format` is the expected one.
+    """Return an HDF5 file opened for reading, after checking that it is whole and of the expected format.
 
-    Raises an error of a kind that names file and remedy. expected None: any format.
+    Parameters
+    ----------
+    path : str or Path
+        A file that `writing` made.
+    expected : str or None
+        What its attribute `format` must be; None for any.
+    remedy : str
+        What to do, for the message.
+    kind : type of ValueError
+        Class of the error.
+
+    Returns
+    -------
+    h5py.File
+        To be closed by the caller.
+
+    Raises
+    ------
+    kind
+        For a file that is missing, damaged, edited, of another format or that cannot be opened.
     """
     check_seal(path, remedy, kind)
     try:
@@ -78,8 +114,8 @@ def opened(
         if not errno_of(error):
             raise kind(f"{path}: no HDF5 file; {remedy}") from None
         raise kind(f"{path}: complete, but cannot be opened: {why_not_read(error)}") from None
-    found = file.attrs.get("format")
-    if expected is not None and found != expected:
+    stated = file.attrs.get("format")
+    if expected is not None and stated != expected:
         file.close()
-        raise kind(f"{path}: format {found!r}, expected {expected!r}; {remedy}")
+        raise kind(f"{path}: format {stated!r}, expected {expected!r}; {remedy}")
     return file

@@ -31,7 +31,20 @@ class NotAFile(ValueError):
 def regular_file(path: str | Path) -> Path:
     """Return the path of a file that is there and regular.
 
-    Raises NotAFile for what is missing, folders, pipes and devices: these would be waited for, or never end.
+    Parameters
+    ----------
+    path : str or Path
+        Any path.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    NotAFile
+        For what is missing, folders, pipes and devices: these would be waited for, or never end.
     """
     path = Path(path)
     try:
@@ -48,7 +61,23 @@ def regular_file(path: str | Path) -> Path:
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Return the content of a regular file. Raises NotAFile."""
+    """Return the content of a regular file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    bytes
+        All of it.
+
+    Raises
+    ------
+    NotAFile
+        For what is no regular file or cannot be read.
+    """
     try:
         return regular_file(path).read_bytes()
     except OSError as error:
@@ -56,13 +85,37 @@ def read_bytes(path: str | Path) -> bytes:
 
 
 def another_kind(path: str | Path, needed: str) -> str:
-    """Return ": is a video (MP4), a YAML file is needed" where a path plainly leads to something else, else ""."""
+    """Return the words of a message where a path plainly leads to something else than is needed.
+
+    Parameters
+    ----------
+    path : str or Path
+        Any path.
+    needed : str
+        Such as "a YAML file".
+
+    Returns
+    -------
+    str
+        Such as ": is a video (MP4), a YAML file is needed"; "" where the path may be right.
+    """
     what = what_it_is(path)
     return f": is {what}, {needed} is needed" if what and what != needed else ""
 
 
 def what_it_is(path: str | Path) -> str:
-    """Return in words what a path leads to, where that is plain: "a folder", "a video (MP4)", "a YAML file"; else ""."""
+    """Return in words what a path leads to, where that is plain.
+
+    Parameters
+    ----------
+    path : str or Path
+        Any path.
+
+    Returns
+    -------
+    str
+        Such as "a folder", "a video (MP4)" or "a YAML file", by the file's first bytes or its suffix; else "".
+    """
     path = Path(path)
     if path.is_dir():
         return "a folder"

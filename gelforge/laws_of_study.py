@@ -11,19 +11,65 @@ from gelforge.config import ConfigError, Study
 
 
 def law_path(study: Study, material: str) -> Path:
-    """Return where a study keeps the constitutive model that it has fitted to a material."""
+    """Return where a study keeps the constitutive model that it has fitted to a material.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    material : str
+        A key of `study.materials`.
+
+    Returns
+    -------
+    Path
+        results/<study>/materials/<material>/law.json, whether it exists or not.
+    """
     return study.results_folder / "materials" / material / "law.json"
 
 
 def laws_of(study: Study, files: list[Path]) -> dict:
-    """Return laws [MPa] by material: from files, from given parameters, or as the study has fitted them."""
+    """Return the constitutive models of a study.
+
+    Parameters
+    ----------
+    study : Study
+        Its materials name tests or parameters.
+    files : list of Path
+        Law files that replace the study's own, by the material that each states.
+
+    Returns
+    -------
+    dict of str to PrincipalLaw
+        By material, moduli in MPa.
+
+    Raises
+    ------
+    ConfigError
+        For a material with tests but no fitted model, and for a stiffness that is neither plausible nor confirmed.
+    """
     return {name: material.law for name, material in material_laws_of(study, files).items()}
 
 
 def material_laws_of(study: Study, files: list[Path]) -> dict:
-    """Return laws by material with what is known of them: covariance, tested range.
+    """Return the constitutive models of a study with what is known of them.
 
-    Raises ConfigError for a material that has no law yet.
+    Parameters
+    ----------
+    study : Study
+        Its materials name tests or parameters.
+    files : list of Path
+        Law files that replace the study's own, by the material that each states.
+
+    Returns
+    -------
+    dict of str to MaterialLaw
+        By material: model [MPa], covariance and tested range, where they are known.
+
+    Raises
+    ------
+    ConfigError
+        For a material with tests but no fitted model, and for a stiffness that is neither plausible nor confirmed.
     """
     laws = known_laws(study, files)
     for name in study.materials:
@@ -36,9 +82,24 @@ def material_laws_of(study: Study, files: list[Path]) -> dict:
 
 
 def known_laws(study: Study, files: list[Path]) -> dict:
-    """Return laws by material as material_laws_of does, without the materials that have tests but no law yet.
+    """Return the constitutive models that a study has so far: materials that have tests but no fitted model are left out.
 
-    Raises ConfigError for a stiffness that is neither plausible nor confirmed.
+    Parameters
+    ----------
+    study : Study
+        Its materials name tests or parameters.
+    files : list of Path
+        Law files that replace the study's own, by the material that each states.
+
+    Returns
+    -------
+    dict of str to MaterialLaw
+        By material: model [MPa], covariance and tested range, where they are known.
+
+    Raises
+    ------
+    ConfigError
+        For a stiffness that is neither plausible nor confirmed.
     """
     from gelforge.materials.characterise import known_law
     from gelforge.materials.fitting.law_file import read_law
@@ -56,7 +117,20 @@ def known_laws(study: Study, files: list[Path]) -> dict:
 
 
 def laws_and_doubts(read: dict) -> tuple[dict, dict]:
-    """Return by material the laws [MPa], and of those with a covariance the laws moved along its directions."""
+    """Return constitutive models, and the same models moved along the directions in which their parameters are uncertain.
+
+    Parameters
+    ----------
+    read : dict of str to MaterialLaw
+        By material, as `material_laws_of` returns them.
+
+    Returns
+    -------
+    dict of str to PrincipalLaw
+        By material [MPa].
+    dict of str to list of PrincipalLaw
+        Of materials with a covariance: one model per independent direction, moved by AMOUNT standard deviations.
+    """
     from gelforge.indentation.solving.error_bars import AMOUNT
     from gelforge.materials.fitting.law_file import moved_laws
 

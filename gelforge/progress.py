@@ -19,7 +19,7 @@ Item = TypeVar("Item")
 # Seconds after which a log has its first line, and one again where less than this share more is done (judgement): a command
 # that is silent for longer looks broken, and ten hours make 600 lines.
 FIRST_S, EVERY_S, SHARE = 5.0, 60.0, 0.1
-REWRITTEN_S = 0.1  # on a terminal: a person sees no faster change
+REWRITTEN_S = 0.1  # on a terminal: a person sees no faster change (no result depends on it)
 
 _shown_by = 0  # the process that shows progress
 _shown: list[Progress] = []  # the outermost that runs
@@ -91,7 +91,7 @@ class Progress(_Shown):
                     stages.say()
 
     def advance(self, count: int = 1, note: str = "") -> None:
-        """Count steps as done; note: what to say beside the count."""
+        """Count steps as done; note: what to say after the count."""
         self.done += count
         if self in _shown:
             self._tell(note)
@@ -175,7 +175,13 @@ class Stages(_Shown):
 
 
 def stage(words: str) -> None:
-    """Say what the running `Stages` do now; nothing where there are none, or in a worker of the command that shows them."""
+    """Say what the running `Stages` do next; this does nothing in a worker, or where no stages run.
+
+    Parameters
+    ----------
+    words : str
+        Words for the line of progress.
+    """
     if os.getpid() == _shown_by and not _shown:
         for stages in _stages:
             stages.begin(words)
@@ -187,7 +193,22 @@ def print_now(words: str, end: str = "\n") -> None:
 
 
 def tracked(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:
-    """Yield items, and show how many of them are done; total: how many there are, where they do not know it."""
+    """Yield items, and show how many of them are done.
+
+    Parameters
+    ----------
+    items : iterable
+        Anything, a generator too.
+    what : str
+        Words for the line of progress, such as "sites".
+    total : int, optional
+        Number of items, where they do not know it.
+
+    Yields
+    ------
+    object
+        The items, unchanged and in their order.
+    """
     if total is None and isinstance(items, Sized):
         total = len(items)
     with Progress(what, total) as progress:
@@ -197,12 +218,28 @@ def tracked(items: Iterable[Item], what: str, total: int | None = None) -> Itera
 
 
 def duration(seconds: float) -> str:
-    """Return a time in words, to two figures or so: "8 s", "3 min 20 s", "2 h 15 min"."""
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 600:
-        minutes, rest = divmod(10 * round(whole / 10), 60)
+    """Return a time in words, to two figures or so.
+
+    Parameters
+    ----------
+    seconds : float
+        At least 0.
+
+    Returns
+    -------
+    str
+        Such as "8 s", "3 min 20 s" or "2 h 15 min".
+
+    Examples
+    --------
+    >>> duration(200)
+    '3 min 20 s'
+    """
+    rounded = round(seconds)
+    if rounded < 60:
+        return f"{rounded} s"
+    if rounded < 600:
+        minutes, rest = divmod(10 * round(rounded / 10), 60)
         return f"{minutes} min {rest} s" if rest else f"{minutes} min"
     minutes = round(seconds / 60)
     if minutes < 60:

@@ -21,24 +21,56 @@ Kind = TypeVar("Kind", bound=Named)
 
 
 def names_in(folders: Iterable[str]) -> list[str]:
-    """Return the names of a package's files in alphabetical order, without importing any."""
+    """Return the names of a package's files in alphabetical order, without importing any.
+
+    Parameters
+    ----------
+    folders : iterable of str
+        `__path__` of the package.
+
+    Returns
+    -------
+    list of str
+        Without suffix.
+    """
     return sorted(module.name for module in iter_modules(folders))
 
 
 def defined(package: str, name: str, attribute: str, kind: type[Kind]) -> Kind:
-    """Return what the file `name` of a package defines as attribute.
+    """Return what a file of a package defines under a name.
 
-    Raises TypeError for a file without one of this kind, ValueError for one whose own name is not the file's.
+    Parameters
+    ----------
+    package : str
+        Such as "gelforge.mechanics.laws.models".
+    name : str
+        The file, without suffix.
+    attribute : str
+        Such as "MODEL".
+    kind : type
+        Class that the attribute must have.
+
+    Returns
+    -------
+    kind
+        The attribute.
+
+    Raises
+    ------
+    TypeError
+        For a file without an attribute of this class.
+    ValueError
+        For one whose own name is not the file's.
     """
     file = f"{package.removeprefix('gelforge.').replace('.', '/')}/{name}.py"
-    found = getattr(import_module(f"{package}.{name}"), attribute, None)
-    if not isinstance(found, kind):
+    value = getattr(import_module(f"{package}.{name}"), attribute, None)
+    if not isinstance(value, kind):
         raise TypeError(
             f"{file} defines no {attribute} of class {kind.__name__}; every file there defines one"
         )
-    if found.name != name:
-        raise ValueError(f"{file} holds the {kind.__name__.lower()} {found.name!r}; name the file as it")
-    return found
+    if value.name != name:
+        raise ValueError(f"{file} holds the {kind.__name__.lower()} {value.name!r}; name the file as it")
+    return value
 
 
 def stated(file: Path, *names: str) -> dict:
@@ -47,13 +79,13 @@ def stated(file: Path, *names: str) -> dict:
     Raises TypeError for a file that does not state one of them.
     """
     tree = ast.parse(file.read_text(encoding="utf-8"))
-    found = {
+    values = {
         node.targets[0].id: ast.literal_eval(node.value)
         for node in tree.body
         if isinstance(node, ast.Assign)
         and isinstance(node.targets[0], ast.Name)
         and node.targets[0].id in names
     }
-    if missing := [name for name in names if name not in found]:
+    if missing := [name for name in names if name not in values]:
         raise TypeError(f"{file} states no {' and no '.join(missing)}; every file there does")
-    return found
+    return values

@@ -1,6 +1,6 @@
 """Where the files are that are not Python: the workflow's rules and profiles, and the example studies with their data.
 
-A wheel has them inside the package (setup.py copies them there); a checkout has them beside it.
+A wheel has them inside the package (setup.py copies them there); a checkout has them next to it.
 """
 
 from pathlib import Path

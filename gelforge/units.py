@@ -81,7 +81,23 @@ BRACKETS = {"(": ")", "[": "]", "{": "}"}
 
 
 def unit_named(text: str) -> str | None:
-    """Return the key of UNITS that a text names, in brackets or not, in any usual spelling; None for another text."""
+    """Return the unit that a text names, in brackets or not, in any usual spelling.
+
+    Parameters
+    ----------
+    text : str
+        Such as "[kPa]", "µm" or "N/mm²".
+
+    Returns
+    -------
+    str or None
+        A key of UNITS; None for another text.
+
+    Examples
+    --------
+    >>> unit_named("[µm]")
+    'um'
+    """
     text = _bare(text)
     for sign, plain in (("µ", "u"), ("μ", "u"), ("²", "2"), ("^", ""), ("⁻¹", "-1")):
         text = text.replace(sign, plain)
@@ -90,7 +106,23 @@ def unit_named(text: str) -> str | None:
 
 
 def known_unit(text: str) -> str:
-    """Return the key of UNITS that a text names. Raises ValueError for a text that names none."""
+    """Return the unit that a text names.
+
+    Parameters
+    ----------
+    text : str
+        As of `unit_named`.
+
+    Returns
+    -------
+    str
+        A key of UNITS.
+
+    Raises
+    ------
+    ValueError
+        For a text that names none; the message lists all.
+    """
     unit = unit_named(text)
     if unit is None:
         raise ValueError(f"unit {text!r} is not known; one of {sorted(UNITS)}")
@@ -98,14 +130,22 @@ def known_unit(text: str) -> str:
 
 
 def unit_in_header(column: str) -> str | None:
-    """Return the key of UNITS that the name of a column ends in, as Load (N), Load / N, Load in N, "Load, N" or load_N.
+    """Return the unit that the name of a column ends in.
 
-    None where it names none.
+    Parameters
+    ----------
+    column : str
+        Such as "Load (N)", "Load / N", "Load in N", "Load, N" or "load_N".
+
+    Returns
+    -------
+    str or None
+        A key of UNITS; None where it names none.
     """
-    found = re.search(
+    match = re.search(
         r"[\[({]\s*([^\[\](){}]+?)\s*[\])}]\s*$|_([A-Za-z]{1,3})$|(?: /| in|,) ?(\S+)\s*$", column
     )
-    return unit_named(next(filter(None, found.groups()))) if found else None
+    return unit_named(next(filter(None, match.groups()))) if match else None
 
 
 def looks_like_a_unit(text: str) -> bool:

@@ -18,11 +18,27 @@ _kept: dict[tuple[int, int], ProcessPoolExecutor] = {}
 
 
 def each(work: Callable, tasks: Sequence, workers: int, what: str) -> list:
-    """Return work(task) of every task, in order, by this process or by so many others; what: for the progress shown.
+    """Return the results of every task, in order, by this process or by several others.
 
     The others stay for the next call, and end with the command. A signal that ends the command (KeyboardInterrupt, or what
     SIGTERM raises) ends them too, in the middle of a task: a pool by itself waits until they have finished what they have
     begun, which takes minutes where they solve.
+
+    Parameters
+    ----------
+    work : callable
+        Takes one task; it must be importable where `workers` is above 1.
+    tasks : sequence
+        Arguments.
+    workers : int
+        Number of processes; 1 for this one.
+    what : str
+        Words for the line of progress.
+
+    Returns
+    -------
+    list
+        work(task) of every task.
     """
     if workers == 1 or len(tasks) < 2:
         return [work(task) for task in tracked(tasks, what)]

@@ -2,14 +2,13 @@
 
 import pytest
 
-import gelforge.files
-from gelforge.files import source_digest
+from gelforge.files import digests, source_digest
 
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
     """Return the folder of a made-up package with a stage of code, template and style."""
-    monkeypatch.setattr(gelforge.files, "__file__", str(tmp_path / "files.py"))
+    monkeypatch.setattr(digests, "__file__", str(tmp_path / "files" / "digests.py"))
     for name in (
         "report/page.py",
         "report/templates/report.html",

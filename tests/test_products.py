@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gelforge import files
 from gelforge.files import (
     FileError,
     atomic,
@@ -19,6 +18,7 @@ from gelforge.files import (
     read_product_json,
     read_product_table,
     seal,
+    seals,
     temporary_beside,
     write_product_json,
     write_product_table,
@@ -138,7 +138,7 @@ def test_an_intact_file_is_never_to_be_deleted(tmp_path, monkeypatch, number, wo
     def fail(*_):
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(files, "_seal_place", fail)
+    monkeypatch.setattr(seals, "_seal_place", fail)
     with pytest.raises(FileError, match=words) as refused:
         check_seal(tmp_path / "values.h5", REMEDY)
     assert "delete" not in str(refused.value)

@@ -61,7 +61,7 @@ FAULTS = tuple(
          "return weights", "tests/interpolation/test_between_sites.py -k smooth_field or weights_of_error_bars"),
         ("units", "gelforge/units.py", '"kPa": ("pressure", 1e-3, 0.0)', '"kPa": ("pressure", 1e-2, 0.0)',
          "tests/materials/test_mapping.py"),
-        ("checksums", "gelforge/files.py", "if found != stated:", "if False:", "tests/test_products.py"),
+        ("checksums", "gelforge/files/seals.py", "if found != stated:", "if False:", "tests/test_products.py"),
         ("tables of a verdict", "gelforge/mismatch/result/verdict_tables.py",
          "    check_seal(path, REMEDY, VerdictError, stated)\n", "",
          "tests/mismatch/test_verdict.py -k not_the_verdicts"),

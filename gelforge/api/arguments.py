@@ -14,44 +14,44 @@ from gelforge.config import ConfigError
 def number(name: str, value: Any) -> float:
     """Return a finite number."""
     try:
-        found = math.nan if isinstance(value, str | bytes) else float(value)
+        converted = math.nan if isinstance(value, str | bytes) else float(value)
     except (TypeError, ValueError):
-        found = math.nan
-    if not math.isfinite(found):
+        converted = math.nan
+    if not math.isfinite(converted):
         raise ConfigError(f"{name}={shown(value)}: a finite number is needed")
-    return found
+    return converted
 
 
 def numbers(name: str, value: Any, count: int | None = None) -> list[float]:
     """Return finite numbers, `count` of them where that is given; a single number is a list of one."""
     several = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
     try:
-        found = [number(name, one) for one in (value if several else [value])]
+        values = [number(name, one) for one in (value if several else [value])]
     except (ConfigError, TypeError):  # TypeError: an array without dimensions
-        found = []
-    if not found or len(found) != (count or len(found)):
+        values = []
+    if not values or len(values) != (count or len(values)):
         needed = "finite numbers are" if count is None else f"{count} finite numbers are"
         raise ConfigError(f"{name}={shown(value)}: {needed} needed, as {[0.5, 1.0, 1.5, 2.0][: count or 2]}")
-    return found
+    return values
 
 
 def whole(name: str, value: Any) -> int:
     """Return a whole number of 1 or more."""
-    found = number(name, value)
-    if found < 1 or found != int(found):
+    read = number(name, value)
+    if read < 1 or read != int(read):
         raise ConfigError(f"{name}={shown(value)}: a whole number of 1 or more is needed")
-    return int(found)
+    return int(read)
 
 
 def names(name: str, value: Any) -> list[str]:
     """Return names; a single one may stand by itself."""
-    found = [value] if isinstance(value, str) else value
-    if not isinstance(found, Iterable) or isinstance(found, Mapping):
+    given = [value] if isinstance(value, str) else value
+    if not isinstance(given, Iterable) or isinstance(given, Mapping):
         raise ConfigError(f"{name}={shown(value)}: a list of names is needed")
-    found = list(found)
-    if not all(isinstance(one, str) for one in found):
+    given = list(given)
+    if not all(isinstance(one, str) for one in given):
         raise ConfigError(f"{name}={shown(value)}: a list of names is needed")
-    return found
+    return given
 
 
 def path(name: str, value: Any, what: str) -> Path:

@@ -143,13 +143,13 @@ def press_slopes(
         else _place_varied(base, laws, (x_mm, y_mm), name, share)
         for name in wanted
     }
-    cell, found = derivatives(base, laws, planned, variations)
+    cell, slopes = derivatives(base, laws, planned, variations)
     return PressSlopes(
         depth_mm * share,
         cell.arrays["total_force_N"],
         cell.arrays["bin_force_N"],
-        {name: slope.total for name, slope in found.items()},
-        {name: slope.bins for name, slope in found.items()},
+        {name: slope.total for name, slope in slopes.items()},
+        {name: slope.bins for name, slope in slopes.items()},
     )
 
 
@@ -285,7 +285,7 @@ def _effect_varied(study: Study, laws, amounts: Mapping[str, float], name: str) 
 
 
 def _place_varied(study: Study, laws, place: tuple[float, float], name: str, share: np.ndarray) -> Variation:
-    """Return the study pressed a little beside a place (x, y) [mm], or deeper; share (D,): of the depth, at each step."""
+    """Return the study pressed close to a place (x, y) [mm], or deeper; share (D,): of the depth, at each step."""
     from gelforge.indentation.effects.catalogue import with_keys
     from gelforge.indentation.effects.kinematics import real_place
     from gelforge.indentation.solving.sensitivities import Variation

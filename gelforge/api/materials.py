@@ -141,19 +141,19 @@ def fit(
         names = ", ".join(source.name for source in sources) or "none"
         raise ConfigError(f"{tests}: found tests of {names}, one material is needed; name its folder")
     source = sources[0]
-    found = fits_of(source, fitting)
-    comparison = found.comparison
+    fits = fits_of(source, fitting)
+    comparison = fits.comparison
     assert comparison is not None, "fits_of raises where nothing is fitted"
     for text in comparison.fallback:
         warnings.warn(text, stacklevel=2)
-    notes = (*comparison.fallback, *found.notes)
+    notes = (*comparison.fallback, *fits.notes)
     law = material_law(
         source.name, comparison.chosen.fitted, inputs_of(source, fitting), source.synthetic, notes
     )
     return Fitted(
         law,
-        parameters_table(source.name, found),
+        parameters_table(source.name, fits),
         comparison.table(),
-        found.effects.table(),
-        (*comparison.warnings, *found.notes),
+        fits.effects.table(),
+        (*comparison.warnings, *fits.notes),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import floor, isfinite, log10
 
-MOST_ROWS = 8  # of a table; the middle of a longer one is left out
+MOST_ROWS = 8  # of a table; the middle of a longer one is left out (no result depends on it)
 
 
 def with_error(value: float, sigma: float | None) -> str:
@@ -25,7 +25,7 @@ def with_error(value: float, sigma: float | None) -> str:
 
 
 def components(values: Sequence[float], largest: float) -> list[str]:
-    """Return the components of a vector to four digits of the largest value beside them: rounding stays out of sight.
+    """Return the components of a vector to four digits of the largest value next to them: rounding stays out of sight.
 
     >>> components([-2.8e-13, 0.0318, -0.1515], 0.1515)
     ['0.0000', '0.0318', '-0.1515']

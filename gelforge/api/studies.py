@@ -99,12 +99,12 @@ def load_study(path: str | Path) -> Study:
     >>> study.study, study.sensor.height_mm
     ('paper', 6.0)
     """
-    found = arguments.path("path", path, "a study's YAML file")
-    if not found.exists() and not found.suffix and (near := shipped_like(path)):
+    file = arguments.path("path", path, "a study's YAML file")
+    if not file.exists() and not file.suffix and (near := shipped_like(path)):
         raise ConfigError(
             f"{path}: no such file; for the shipped sensor {near} take gelforge.sensor({near!r})"
         )
-    return config.load_study(found)
+    return config.load_study(file)
 
 
 def study_of(study: Any) -> Study:

@@ -35,13 +35,41 @@ def calibrate_folder(
     kept: Path | None = None,
     workers: int = 1,
 ) -> dict[str, Any]:
-    """Calibrate named parameters of a study by the sessions in a folder, write the results into `out` and return them.
+    """Calibrate parameters of a study by the sessions in a folder, and write the results.
 
-    laws and kept: as in `judge_folder`. Raises ConfigError for sessions of another sensor and for parameters that the
-    sensor does not have, SolverFailed where the study cannot be solved at the priors' means.
+    Parameters
+    ----------
+    study : Study
+        The sensor as it is described.
+    recording : Path
+        A session's folder, or a folder of sessions.
+    names : sequence of str
+        Parameters to be calibrated, such as gel.modulus.
+    priors : mapping of str to Prior
+        Of parameters whose default prior is to be replaced.
+    out : Path
+        Folder of the results.
+    laws : sequence of Path
+        Law files that replace the study's own.
+    kept : Path, optional
+        Folder of cached solutions; None for one in `out`.
+    workers : int
+        Number of processes that solve.
+
+    Returns
+    -------
+    dict
+        Content of calibration.json: parameters with 90 % intervals, residuals and held-out errors.
+
+    Raises
+    ------
+    ConfigError
+        For sessions of another sensor, and for parameters that the sensor does not have.
+    SolverFailed
+        Where the study cannot be solved at the priors' means.
     """
-    own = recording.resolve() == study.data_folder.resolve()
-    folders = session_folders(recording, study.sessions if own else ())
+    of_study = recording.resolve() == study.data_folder.resolve()
+    folders = session_folders(recording, study.sessions if of_study else ())
     check_matches(folders, study)
     recordings = read_all(folders, study.sensor)
     solver = solver_of(study, out, list(laws), kept or out / SOLUTIONS, workers, recordings)

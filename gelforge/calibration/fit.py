@@ -24,11 +24,12 @@ from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.thresholds import FORM_ERRORS
 from gelforge.progress import stage
 
-ENOUGH = 0.1  # of a posterior standard deviation: a step that no interval would show
+ENOUGH = 0.1  # of a posterior standard deviation: a 90 % interval of 3.3 of them moves by 3 %
 MOST = 12  # fits; half of them with derivatives of the coarser mesh
 FORM_ERROR = FORM_ERRORS[0]  # of a change of the forces, a share of it
-NEAR = 1.0  # of a prior's standard deviation: within it the columns follow the solved forces
-SHORTER = 4  # times that a step is halved where the finite elements do not reach its end
+# Of a prior's standard deviation: two thirds of its probability, in which the columns follow the solved forces.
+NEAR = 1.0
+SHORTER = 4  # times that a step is halved, to a sixteenth, where the finite elements do not reach its end
 # Of the force, by a plausible step: a larger change is taken as linear in place of in proportion.
 PROPORTIONAL = 3.0
 
@@ -94,12 +95,14 @@ class Linear:
         """Return the problem about an estimate near by, whose forces (R, 3) are solved and whose columns follow them.
 
         The secant makes columns those of the study's mesh, and of the contact over the way: along parameters that make up
-        for each other little is left of them, and errors of a coarser mesh are not small beside that.
+        for each other little is left of them, and errors of a coarser mesh are not small next to that.
         """
         problem, step = self.problem, at - self.at
         missing = problem.observations.flat(base - problem.base) - self.columns @ step
         columns = secant(self.columns, missing, step, self.prior_sd)
-        parts = [replace(part, columns=own[:, None]) for part, own in zip(problem.candidates, columns.T)]
+        parts = [
+            replace(part, columns=column[:, None]) for part, column in zip(problem.candidates, columns.T)
+        ]
         return Linear(at, replace(problem, base=base, candidates=parts), study)
 
     def taught_by(self, other: Linear) -> Linear:
@@ -148,8 +151,8 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
     Raises SolverFailed where the study cannot be solved at the priors' means.
     """
     a = np.zeros(len(free))
-    own = np.array([one.coordinate(one.start) for one in free])
-    study = _study_at(solver.study, free, own, a)
+    given = np.array([one.coordinate(one.start) for one in free])
+    study = _study_at(solver.study, free, given, a)
     linear = start = _about(replace(solver, study=study), observations, free, a, first=True)
     observations, every = start.problem.observations, np.ones(len(start.problem.labels), bool)
     across = False
@@ -178,7 +181,7 @@ def _across(
 ) -> Linear:
     """Return the problem with columns that are solved differences across a standard deviation (q,) on the study's mesh.
 
-    Those of the coarser mesh err, and where a surface sticks they hold at one coefficient of friction and not beside it:
+    Those of the coarser mesh err, and where a surface sticks they hold at one coefficient of friction and not close to it:
     an interval is what the forces do over its width. A difference that is not solved leaves its column.
     """
     parts = list(linear.problem.candidates)

@@ -18,7 +18,8 @@ from gelforge.mismatch.model.places import FirstOrder
 
 Laws = Mapping[str, PrincipalLaw]  # by material
 Layers = Sequence[str]  # of one material
-ROUNDING = 1e-9  # of a prior's standard deviation
+# Of a prior's standard deviation: a million roundings of 1e-16, and no difference that an interval shows.
+ROUNDING = 1e-9
 MATERIAL_KINDS = ("modulus", "exponent")  # of a constitutive model: they go to its file and not to the study
 
 
@@ -197,8 +198,8 @@ def names_of(study: Study) -> list[str]:
     """Return the parameters that a study's sensor has."""
     kinds = [(name, kind) for name, kind in KINDS.items() if kind.applies(study)]
     layers = [layer.name for layer in study.sensor.layers]
-    found = [f"{layer}.{name}" for layer in layers for name, kind in kinds if kind.per_layer]
-    return found + [name for name, kind in kinds if not kind.per_layer]
+    per_layer = [f"{layer}.{name}" for layer in layers for name, kind in kinds if kind.per_layer]
+    return per_layer + [name for name, kind in kinds if not kind.per_layer]
 
 
 def free_of(study: Study, laws: Laws, names: Sequence[str], priors: Mapping[str, Prior]) -> list[Free]:
@@ -208,12 +209,12 @@ def free_of(study: Study, laws: Laws, names: Sequence[str], priors: Mapping[str,
         raise ConfigError(f"no parameter {wrong} of this sensor; it has {', '.join(offered)}")
     if unused := sorted(set(priors) - set(names)):
         raise ConfigError(f"--prior {unused}: not among --free; add it there")
-    found = [_free(study, laws, name, priors.get(name)) for name in dict.fromkeys(names)]
+    parameters = [_free(study, laws, name, priors.get(name)) for name in dict.fromkeys(names)]
     for kind in MATERIAL_KINDS:
-        own = [one.material for one in found if one.name.endswith(f".{kind}")]
-        if len(own) > len(set(own)):
+        materials = [one.material for one in parameters if one.name.endswith(f".{kind}")]
+        if len(materials) > len(set(materials)):
             raise ConfigError(f"two layers of one material have one {kind}; name one of them in --free")
-    return found
+    return parameters
 
 
 def _free(study: Study, laws: Laws, name: str, prior: Prior | None) -> Free:
@@ -222,10 +223,10 @@ def _free(study: Study, laws: Laws, name: str, prior: Prior | None) -> Free:
     layers: list[str] = []
     material = None
     if kind.per_layer:
-        own = next(one.material for one in study.sensor.layers if one.name == layer)
-        alike = [one.name for one in study.sensor.layers if one.material == own]
+        of_layer = next(one.material for one in study.sensor.layers if one.name == layer)
+        same_material = [one.name for one in study.sensor.layers if one.material == of_layer]
         of_material = kind_name in MATERIAL_KINDS
-        layers, material = (alike if of_material else [layer]), (own if of_material else None)
+        layers, material = (same_material if of_material else [layer]), (of_layer if of_material else None)
     value = kind.value(study, laws, layers)
     if prior is None and kind.factor:
         prior = Prior(value / kind.factor, value * kind.factor, kind.source)

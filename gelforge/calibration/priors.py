@@ -47,12 +47,30 @@ def youngs_modulus_kPa(scale: str, hardness: float) -> float:
 
 
 def prior_of(name: str, text: str) -> Prior:
-    """Return the prior that a text describes, `shoreA:10`, `shore00:30` or `LOW:HIGH`. Raises ConfigError."""
-    if found := HARDNESS.fullmatch(text.strip()):
-        scale = found[1].lower().replace("o", "0")
+    """Return the prior that a text describes.
+
+    Parameters
+    ----------
+    name : str
+        The parameter, for messages; a hardness is for a modulus only.
+    text : str
+        "shoreA:10", "shore00:30" or "LOW:HIGH", the ends of a 90 % interval.
+
+    Returns
+    -------
+    Prior
+        Ends and source.
+
+    Raises
+    ------
+    ConfigError
+        For another text.
+    """
+    if hardness := HARDNESS.fullmatch(text.strip()):
+        scale = hardness[1].lower().replace("o", "0")
         if not name.endswith(".modulus"):
             raise ConfigError(f"--prior {name}={text}: a hardness says something of a modulus; give LOW:HIGH")
-        E = youngs_modulus_kPa(scale, float(found[2]))
+        E = youngs_modulus_kPa(scale, float(hardness[2]))
         return Prior(E / HARDNESS_FACTOR, E * HARDNESS_FACTOR, f"Shore {text}, {SOURCES[scale]}")
     try:
         low, high = (float(part) for part in text.split(":"))

@@ -25,7 +25,7 @@ from gelforge.mismatch.result.verdict_tables import READINGS, write_tables
 
 FORMAT = "gelforge-calibration-1"
 CALIBRATION = "calibration.json"
-STEP = 1e-4  # of a logarithm: across it the parameters of a constitutive model are differentiated
+STEP = 1e-4  # of a logarithm: central differences then err by its square, 1e-8, and rounding by 1e-12
 Materials = Mapping[str, MaterialLaw]
 
 
@@ -128,26 +128,26 @@ def calibrated_materials(
 ) -> dict[str, MaterialLaw]:
     """Return the constitutive models with calibrated parameters, with the covariance of these."""
     names = list(dict.fromkeys(one.material for one in fit.free if one.material))
-    found = {}
+    calibrated = {}
     for name in names:
-        own = [k for k, one in enumerate(fit.free) if one.material == name]
-        factors = [{kind_of(fit.free[k].name): fit.free[k].value(fit.a[k]) / fit.free[k].start} for k in own]
+        rows = [k for k, one in enumerate(fit.free) if one.material == name]
+        factors = [{kind_of(fit.free[k].name): fit.free[k].value(fit.a[k]) / fit.free[k].start} for k in rows]
         at = {kind: 1.0 for kind in MATERIAL_KINDS} | {key: v for one in factors for key, v in one.items()}
         law = scaled(materials[name].law, at)
         J = np.column_stack([_slope(materials[name].law, at, kind) for one in factors for kind in one])
-        found[name] = replace(
+        calibrated[name] = replace(
             MaterialLaw(name, law, inputs),
-            covariance=J @ fit.covariance[np.ix_(own, own)] @ J.T,
-            covariance_from=f"posterior of {', '.join(fit.free[k].name for k in own)} by the presses of {title}",
+            covariance=J @ fit.covariance[np.ix_(rows, rows)] @ J.T,
+            covariance_from=f"posterior of {', '.join(fit.free[k].name for k in rows)} by the presses of {title}",
             synthetic=synthetic,
             fitted_by="calibrated to presses (gelforge calibrate)",
             notes=(
                 "calibrated together with what else was free: errors that it shares with those are not in this file",
             )
-            if len(fit.free) > len(own)
+            if len(fit.free) > len(rows)
             else (),
         )
-    return found
+    return calibrated
 
 
 def scaled(law: PrincipalLaw, factors: Mapping[str, float]) -> PrincipalLaw:

@@ -17,7 +17,18 @@ from gelforge.progress import show
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command and return its exit status; an error of ours is one plain message."""
+    """Run one command.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        Arguments of the command line; None for those of this process.
+
+    Returns
+    -------
+    int
+        Exit status: 0, 1 for a refusal in one line, 2 for wrong arguments, 130 when interrupted, 143 when terminated.
+    """
     commands = parser()
     complete(commands)
     arguments = vars(commands.parse_args(argv))
@@ -71,7 +82,7 @@ def main(argv: list[str] | None = None) -> int:
 NOT_MAPPED = ("failed to map segment", "annot allocate memory")
 
 
-LATER_S = 0.02  # until a signal that came at a bad moment comes again
+LATER_S = 0.02  # until a signal that came at a bad moment comes again (no result depends on it)
 
 
 class Terminated(BaseException):

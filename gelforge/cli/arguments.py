@@ -25,7 +25,7 @@ synthetic data     solve-synthesis, synthesise, virtual-materials, virtual-cell,
 """
 
 
-LONGEST = 300  # characters of a message
+LONGEST = 300  # characters of a message (no result depends on it)
 
 
 class Parser(argparse.ArgumentParser):
@@ -72,10 +72,10 @@ def parser() -> argparse.ArgumentParser:
     places: dict[str, argparse._SubParsersAction] = {"": top.add_subparsers(metavar="COMMAND", required=True)}
     parsers: dict[str, argparse.ArgumentParser] = {}
     for name, command in (COMMANDS | WORKFLOW_COMMANDS).items():
-        above, _, own = name.rpartition(" ")
+        above, _, last = name.rpartition(" ")
         if above not in places:
-            places[above] = parsers[above].add_subparsers(metavar=own)
-        parsers[name] = places[above].add_parser(own, help=command.text, description=command.text)
+            places[above] = parsers[above].add_subparsers(metavar=last)
+        parsers[name] = places[above].add_parser(last, help=command.text, description=command.text)
         _fill(parsers[name], command)
     return top
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 CONFIG = Path("config")
 STUDY_KEY = re.compile(r"""^study:\s*["']?([A-Za-z0-9_-]+)["']?\s*(?:#.*)?$""", re.MULTILINE)
-ROUND_OFF = 1e-9  # of (last - first) / step, far above its rounding and far below a step
+ROUND_OFF = 1e-9  # of (last - first) / step: far above its rounding of 1e-16 and far below a step, 1
 
 
 def study_names(*_, **__) -> dict[str, Path]:
@@ -19,15 +19,15 @@ def study_names(*_, **__) -> dict[str, Path]:
     """
     files = (path for path in sorted(CONFIG.glob("*.yaml")) if path.is_file())
     texts = ((path, path.read_bytes().decode("utf-8", "replace")) for path in files)
-    return {found[1]: path for path, text in texts if (found := STUDY_KEY.search(text))}
+    return {match[1]: path for path, text in texts if (match := STUDY_KEY.search(text))}
 
 
 def study_file(text: str) -> Path:
     """Return the YAML file of a study given by its name or its file; a file is opened, and may be refused, later."""
     if text.endswith((".yaml", ".yml")) or "/" in text or Path(text).is_file():
         return Path(text)
-    if (own := CONFIG / f"{text}.yaml").is_file():
-        return own
+    if (named := CONFIG / f"{text}.yaml").is_file():
+        return named
     names = study_names()
     if text in names:
         return names[text]

@@ -26,7 +26,7 @@ def blocks(path: Path, needed: Sequence[str], form: CsvForm) -> list[tuple[str, 
     if len(heads) < 2:
         return [("", form)]
     signs = Signs(form.decimal or ".", form.thousands)
-    found, above = [], []  # above: the lines between two tables
+    tables, above = [], []  # above: the lines between two tables
     title_from = form.skip_rows
     for head, after in zip(heads, [*heads[1:], len(lines)]):
         last, names = after, _cells(lines[head], separator)
@@ -36,10 +36,13 @@ def blocks(path: Path, needed: Sequence[str], form: CsvForm) -> list[tuple[str, 
         if last == head + 1:  # a header without rows is none of a specimen
             return [("", form)]
         above.append([line for line in lines[title_from:head] if line.strip()])
-        found.append(replace(form, skip_rows=head, last_line=last, header_begins_with=None))
+        tables.append(replace(form, skip_rows=head, last_line=last, header_begins_with=None))
         title_from = last
     usual = len(above[1])  # above the first one stands the head of the whole file too
-    return [(_title(own[max(len(own) - usual, 0) :], separator), part) for own, part in zip(above, found)]
+    return [
+        (_title(lines_above[max(len(lines_above) - usual, 0) :], separator), part)
+        for lines_above, part in zip(above, tables)
+    ]
 
 
 def _cells(line: str, separator: str) -> list[str]:

@@ -45,10 +45,10 @@ class Signs:
 
     def seconds(self, text: str) -> float:
         """Return h:mm:ss or m:ss in seconds, NaN for another text."""
-        found = TIME_OF_CLOCK.fullmatch(text.replace(",", ".") if "," in self.decimal else text)
-        if found is None or float(found.group(3)) >= 60 or (found.group(1) and int(found.group(2)) >= 60):
+        match = TIME_OF_CLOCK.fullmatch(text.replace(",", ".") if "," in self.decimal else text)
+        if match is None or float(match.group(3)) >= 60 or (match.group(1) and int(match.group(2)) >= 60):
             return math.nan
-        return 3600 * int(found.group(1) or 0) + 60 * int(found.group(2)) + float(found.group(3))
+        return 3600 * int(match.group(1) or 0) + 60 * int(match.group(2)) + float(match.group(3))
 
 
 def few(names: Sequence[str], most: int = 12) -> str:
@@ -82,12 +82,12 @@ def numbers_of(
 
 def _no_number(text: str, signs: Signs, clock: bool) -> str:
     """Return what a cell is that is no finite number, and the key that reads it where there is one."""
-    found = few([text])[1:-1] if text else "nothing"
+    quoted = few([text])[1:-1] if text else "nothing"
     if clock:
-        return f"{found}; a time {CLOCK} (or m:ss) is needed, correct the row or the unit"
+        return f"{quoted}; a time {CLOCK} (or m:ss) is needed, correct the row or the unit"
     if TIME_OF_CLOCK.fullmatch(text.replace(",", ".")):
-        return f"{found}; a number is needed: for times of a clock set the column's unit to {CLOCK}"
-    needed = f"{found}; a finite number is needed"
+        return f"{quoted}; a number is needed: for times of a clock set the column's unit to {CLOCK}"
+    needed = f"{quoted}; a finite number is needed"
     grouped = LIKELY_THOUSANDS.fullmatch(text.translate(PLAIN))
     if grouped and not signs.thousands and grouped.group(1) not in signs.decimal and len(signs.decimal) == 1:
         key = f'`table: {{thousands: "{grouped.group(1)}"}}`'

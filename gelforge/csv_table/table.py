@@ -93,11 +93,33 @@ def read_csv(
     optional_texts: Sequence[str] = (),
     form: CsvForm = CsvForm(),
 ) -> pd.DataFrame:
-    """Return a CSV file as a table whose index is the line number in the file.
+    """Return a CSV file as a table.
 
-    numbers: columns that must be there and hold a finite number in every row; optional_numbers: may be absent
-    or empty (NaN). texts: columns that must be there and not be empty; optional_texts: may be absent or empty
-    (""). Other columns are kept as text.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    numbers : sequence of str
+        Columns that must be there and hold a finite number in every row.
+    optional_numbers : sequence of str
+        Columns of numbers that may be absent or have empty cells (NaN).
+    texts : sequence of str
+        Columns that must be there and have no empty cell.
+    optional_texts : sequence of str
+        Columns of text that may be absent or have empty cells ("").
+    form : CsvForm
+        Separator, decimal sign, header and filters; by default a comma, a point and a header.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The index is the line number in the file. Other columns of the file are kept as text.
+
+    Raises
+    ------
+    TableError
+        For a missing column or cell, a text in place of a number, and a file without rows. The message names file,
+        row, value and remedy.
     """
     lines, columns = read_columns(
         path,
@@ -125,7 +147,7 @@ def read_columns(
     optional_texts: Sequence[str] = (),
     form: CsvForm = CsvForm(),
 ) -> tuple[list[int], dict[str, list]]:
-    """Return the line numbers and the columns of a CSV file, checked as by `read_csv`."""
+    """Return the rows' line numbers and the columns, float for numbers and str for texts, checked as by `read_csv`."""
     path = Path(path)
     header, signs, rows = _split(path, form, [*numbers, *texts])
     if form.header and form.units_row is not False:
@@ -239,15 +261,15 @@ def _other_separator(
     It is the one by which a line holds all columns needed or, of a table of one column, the one that `csv.Sniffer` sees.
     """
     others = [sign for sign in SEPARATORS if sign != used]
-    found = next((s for s in others if any(names_all(line, s, needed) for line in lines)), None)
-    if found is None and len(header) > 1:
+    separator = next((s for s in others if any(names_all(line, s, needed) for line in lines)), None)
+    if separator is None and len(header) > 1:
         return ""
-    if found is None:
+    if separator is None:
         try:
-            found = csv.Sniffer().sniff("\n".join(lines), "".join(others)).delimiter
+            separator = csv.Sniffer().sniff("\n".join(lines), "".join(others)).delimiter
         except csv.Error:
             return ""
-    name, key = SEPARATORS[found]
+    name, key = SEPARATORS[separator]
     seen = f"{' in one column' if len(header) == 1 else ''}: the values seem to be separated by {name}s"
     if form.separator is None or key is None:
         return f"{seen}, save the table with commas or semicolons"
@@ -257,12 +279,12 @@ def _other_separator(
 def _header_line(path: Path, lines: list[str], form: CsvForm, needed: Sequence[str]) -> int:
     """Return the number from 0 of the header line; without a header that of the first row."""
     if form.header_begins_with is not None:
-        found = [i for i, line in enumerate(lines) if line.strip().startswith(form.header_begins_with)]
-        if not found:
+        headers = [i for i, line in enumerate(lines) if line.strip().startswith(form.header_begins_with)]
+        if not headers:
             raise TableError(
                 f"{path}: no line begins with {form.header_begins_with!r}; correct `header_begins_with`"
             )
-        return found[0]
+        return headers[0]
     candidates = (
         i
         for i, line in enumerate(lines)
@@ -342,10 +364,10 @@ def _drop_units(path: Path, header: list[str], rows: list, form: CsvForm, number
     if not recognised and not form.units_row:
         return
     for name, unit in form.units.items():
-        found = unit_named(said.get(name, ""))
-        if found is not None and found != unit_named(unit):
+        stated = unit_named(said.get(name, ""))
+        if stated is not None and stated != unit_named(unit):
             raise TableError(
-                f"{path}, row {line}: {name} is in {said[name]}, the mapping declares {unit}; set `unit: {found}`, or"
+                f"{path}, row {line}: {name} is in {said[name]}, the mapping declares {unit}; set `unit: {stated}`, or"
                 " correct the file's line of units"
             )
     del rows[1]
@@ -353,9 +375,9 @@ def _drop_units(path: Path, header: list[str], rows: list, form: CsvForm, number
 
 def _filter(path: Path, header: list[str], rows: list, form: CsvForm, signs: Signs) -> None:
     """Remove the rows of others in one table, and those that the filters do not keep."""
-    own = [header.index(name) for name in form.shared_with]
-    if own:
-        rows[1:] = [row for row in rows[1:] if any(row[1][at].lower() not in NOTHING for at in own)]
+    columns = [header.index(name) for name in form.shared_with]
+    if columns:
+        rows[1:] = [row for row in rows[1:] if any(row[1][at].lower() not in NOTHING for at in columns)]
     for condition in form.rows:
         if condition.column not in header:
             raise TableError(

@@ -1,4 +1,4 @@
-"""Simulated beside measured total force, press by press."""
+"""Simulated next to measured total force, press by press."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def agreement_table(
     measured = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=COLUMNS)
     own_labels = own_labels or {}
     rows = _with_sites(measured[~measured["session"].isin(own_labels)], cell_files, cell_digests or {})
-    for session, own in own_labels.items():
+    for session, labels in own_labels.items():
         presses = measured[measured["session"] == session]
-        if isinstance(own, OwnPresses):
-            rows.append(_with_presses(presses, own))
+        if isinstance(labels, OwnPresses):
+            rows.append(_with_presses(presses, labels))
         else:
-            rows += _with_sites(presses, own.files, own.digests)
+            rows += _with_sites(presses, labels.files, labels.digests)
     table = pd.concat(rows).sort_index() if rows else measured.iloc[:0]
     return table.reindex(columns=COLUMNS).reset_index(drop=True)
 
@@ -116,10 +116,10 @@ def _with_fem(presses: pd.DataFrame, cell: Cell, path: str | Path) -> pd.DataFra
     return presses.assign(**{f"fem_{axis}_N": total[step, i] for i, axis in enumerate(AXES)})
 
 
-def _with_presses(presses: pd.DataFrame, own: OwnPresses) -> pd.DataFrame:
+def _with_presses(presses: pd.DataFrame, labels: OwnPresses) -> pd.DataFrame:
     """Return the indentations with forces of their own; those that failed are left out."""
-    known = presses[[not own.reason(press) for press in presses["press"]]]
-    total = np.array([own.totals[press] for press in known["press"]]).reshape(-1, 3)
+    known = presses[[not labels.reason(press) for press in presses["press"]]]
+    total = np.array([labels.totals[press] for press in known["press"]]).reshape(-1, 3)
     return known.assign(**{f"fem_{axis}_N": total[:, i] for i, axis in enumerate(AXES)})
 
 
@@ -140,7 +140,25 @@ def write_agreement(path: str | Path, table: pd.DataFrame, inputs: str = "") -> 
 
 
 def read_agreement(path: str | Path, inputs: str | None = None) -> pd.DataFrame:
-    """Return agreement.csv; names stay text. inputs: what the digest of its sites and readings must be."""
+    """Return the table agreement.csv: forces measured and simulated, side by side.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    inputs : str, optional
+        What the digest of its sites and readings must be.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per indentation; names stay text.
+
+    Raises
+    ------
+    DatasetError
+        For a file that is damaged, or made from other inputs.
+    """
     if inputs is not None:
         check_table_inputs(path, inputs, f"make the agreement again (snakemake -R {path})", DatasetError)
     return read_product_table(
@@ -154,7 +172,7 @@ def read_agreement(path: str | Path, inputs: str | None = None) -> pd.DataFrame:
 def rmse_gt_table(agreement: pd.DataFrame, resolution_N: Mapping[str, Sequence[float]]) -> pd.DataFrame:
     """Return RMSE_GT (Sferrazza et al. 2019, table 1): rms over indentations of F/T minus FEM total force [N], per axis.
 
-    One row per axis for all sessions together, then per session; beside it the mean difference and the F/T sensor's
+    One row per axis for all sessions together, then per session; next to it the mean difference and the F/T sensor's
     resolution_N of each session (the coarsest for all together).
     """
     groups = [("all", agreement)] + [(name, rows) for name, rows in agreement.groupby("session", sort=False)]

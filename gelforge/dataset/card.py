@@ -158,11 +158,11 @@ def _labels_of(session: dict) -> str:
 
 def failures_text(manifest: dict) -> str:
     """Return sites of the plan that failed, then those of sessions and their indentations, with the reason."""
-    found = sorted(manifest["failed_cells"].items())
+    failed = sorted(manifest["failed_cells"].items())
     for name, session in sorted(manifest["sessions"].items()):
         for kind in ("failed_cells", "failed_presses"):
-            found += [(f"{name}/{what}", reason) for what, reason in sorted(session.get(kind, {}).items())]
-    return "\n".join(f"- `{name}`: {reason}" for name, reason in found) or "None."
+            failed += [(f"{name}/{what}", reason) for what, reason in sorted(session.get(kind, {}).items())]
+    return "\n".join(f"- `{name}`: {reason}" for name, reason in failed) or "None."
 
 
 def croissant(study: Study, manifest: dict) -> dict:

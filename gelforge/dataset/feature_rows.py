@@ -18,7 +18,7 @@ from gelforge.indentation.paths.places import DEPTH_MATCH_MM, gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
 
 FEATURE_FORMAT = "gelforge-features-1"
-SCAN_ROWS = 4096  # rows of a feature file whose names are in memory at a time
+SCAN_ROWS = 4096  # rows of a feature file whose names are in memory at a time (no result depends on it)
 
 
 @dataclass

@@ -77,9 +77,9 @@ def join_shard(
         check_features(path, session, study, (feature_digests or {}).get(session))
         sessions[session] = rows_of_presses(path, planned, set(cells_of_chunk))
         attributes["sessions"][session] = session_attributes(path)
-        own = own_labels.get(session)
-        if isinstance(own, OwnPresses) and sessions[session]:
-            attributes["sessions"][session]["presses"] = _presses_attributes(own)
+        of_session = own_labels.get(session)
+        if isinstance(of_session, OwnPresses) and sessions[session]:
+            attributes["sessions"][session]["presses"] = _presses_attributes(of_session)
     attributes["synthetic"] = any(s["synthetic"] for s in attributes["sessions"].values())
 
     with writing_shard(out, attributes, labels_only, 2 * study.features.regions**2, bins) as writer:
@@ -114,12 +114,12 @@ def join_shard(
 def _checked_cell(path: str | Path, planned: PlannedCell, bins: int, expected: str | None) -> Cell:
     """Return a site's label arrays after checking that they belong to the plan and to the present settings."""
     cell = read_cell(path, ["depth_mm", "total_force_N", "bin_force_N"], ERROR_BARS)
-    found = cell.attributes
+    attributes = cell.attributes
     check_digest(path, planned.name, cell, expected)
-    gap = max(abs(found["x_mm"] - planned.x_mm), abs(found["y_mm"] - planned.y_mm))
+    gap = max(abs(attributes["x_mm"] - planned.x_mm), abs(attributes["y_mm"] - planned.y_mm))
     if gap > 1e-6:  # the plan is rounded to 1e-6 mm
         raise DatasetError(
-            f"{path}: site {planned.name} lies at ({found['x_mm']}, {found['y_mm']}) mm, the plan has "
+            f"{path}: site {planned.name} lies at ({attributes['x_mm']}, {attributes['y_mm']}) mm, the plan has "
             f"({planned.x_mm}, {planned.y_mm}) mm; simulate it again"
         )
     if cell.converged:
@@ -166,7 +166,7 @@ def _cell_attributes(path: str | Path, cell: Cell, planned: PlannedCell, split: 
 
 
 def _labels(
-    own: OwnCells | OwnPresses | None,
+    stored: OwnCells | OwnPresses | None,
     planned: PlannedCell,
     cell: Cell,
     bins: int,
@@ -177,22 +177,22 @@ def _labels(
 
     about: the session's attributes; its own site and the failure of that are added.
     """
-    if isinstance(own, OwnPresses):
-        return lambda press, step: own.label(press)
-    if own:
-        path = own.files[planned.name]
-        cell = _checked_cell(path, planned, bins, own.digests.get(planned.name))
+    if isinstance(stored, OwnPresses):
+        return lambda press, step: stored.label(press)
+    if stored:
+        path = stored.files[planned.name]
+        cell = _checked_cell(path, planned, bins, stored.digests.get(planned.name))
         about.setdefault("cells", {})[planned.name] = _cell_attributes(path, cell, planned, split)
         if not cell.converged:
             about.setdefault("failed_cells", {})[planned.name] = str(cell.attributes["reason"])
     return (lambda press, step: cell_label(cell, step)) if cell.converged else None
 
 
-def _presses_attributes(own: OwnPresses) -> dict:
+def _presses_attributes(labels: OwnPresses) -> dict:
     return {
-        "file": own.path.as_posix(),
-        "sha256": file_sha256(own.path),
-        **{name: str(own.attributes[name]) for name in ("inputs_digest", "code_version", "status")},
+        "file": labels.path.as_posix(),
+        "sha256": file_sha256(labels.path),
+        **{name: str(labels.attributes[name]) for name in ("inputs_digest", "code_version", "status")},
     }
 
 
@@ -235,12 +235,12 @@ def _session_rows(
     with open_features(path) as file:
         for press, rows in pressed.items():
             steps = _steps(path, press, rows, planned)
-            found = {step: labels(press, step) for step in sorted(set(steps))}
-            reason = next((label for label in found.values() if isinstance(label, str)), "")
+            labels_of = {step: labels(press, step) for step in sorted(set(steps))}
+            reason = next((label for label in labels_of.values() if isinstance(label, str)), "")
             if reason:
                 about.setdefault("failed_presses", {})[press] = reason
             else:
-                known = {step: label for step, label in found.items() if not isinstance(label, str)}
+                known = {step: label for step, label in labels_of.items() if not isinstance(label, str)}
                 of_row = [known[step] for step in steps]
                 block = _image_rows(file, f"{path}: indentation {press}", rows, of_row)
                 block["press"], block["session"] = (np.full(len(steps), n, object) for n in (press, session))

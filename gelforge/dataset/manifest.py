@@ -1,4 +1,4 @@
-"""What stands beside the shards: manifest with checksums and provenance, card, Croissant description, SHA256SUMS."""
+"""What stands next to the shards: manifest with checksums and provenance, card, Croissant description, SHA256SUMS."""
 
 from __future__ import annotations
 
@@ -28,9 +28,25 @@ SUMS = "SHA256SUMS"
 def describe_dataset(
     study: Study, shards: Sequence[str | Path], feature_files: Mapping[str, str | Path], folder: str | Path
 ) -> dict:
-    """Write manifest.json, README.md, croissant.json and SHA256SUMS into the dataset's folder; return the manifest.
+    """Write manifest.json, README.md, croissant.json and SHA256SUMS into the dataset's folder.
 
     The same shards, features and raw files give the same bytes.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor, plan and split.
+    shards : sequence of str or Path
+        All shards.
+    feature_files : mapping of str to str or Path
+        Features of each session.
+    folder : str or Path
+        The dataset's folder.
+
+    Returns
+    -------
+    dict
+        The manifest.
     """
     folder = Path(folder)
     manifest = make_manifest(study, shards, feature_files)
@@ -85,8 +101,8 @@ def raw_files(study: Study) -> Iterable[Path]:
     """Return the raw files of a study in order: material tests, then recordings; hidden files are not among them."""
     folders = [material.tests for material in study.materials.values() if material.tests]
     folders += [study.session_folder(session) for session in study.sessions]
-    found = {path for folder in folders for path in Path(folder).rglob("*") if path.is_file()}
-    files = sorted(path for path in found if not path.name.startswith("."))
+    paths = {path for folder in folders for path in Path(folder).rglob("*") if path.is_file()}
+    files = sorted(path for path in paths if not path.name.startswith("."))
     files += [material.file for material in study.materials.values() if material.file]
     return files + ([study.plan.file] if study.plan.file else [])
 
@@ -103,7 +119,23 @@ def verify(folder: str | Path) -> list[str]:
 
 
 def read_manifest(path: str | Path) -> dict:
-    """Return a manifest; DatasetError names the file where it is missing or not one."""
+    """Return a dataset's manifest.
+
+    Parameters
+    ----------
+    path : str or Path
+        manifest.json.
+
+    Returns
+    -------
+    dict
+        Shards with their SHA-256, raw files, settings and failed sites.
+
+    Raises
+    ------
+    DatasetError
+        For a file that is missing, damaged or no manifest.
+    """
     path = Path(path)
     manifest = read_product_json(path, f"build the dataset again (snakemake -R {path})", DatasetError)
     if manifest.get("format") != FORMAT:
@@ -114,7 +146,20 @@ def read_manifest(path: str | Path) -> dict:
 
 
 def check_shards(shards: Sequence[str | Path], manifest: str | Path) -> None:
-    """Raise DatasetError for a shard that is not the one that the manifest lists; without a manifest nothing is known."""
+    """Refuse a shard that is not the one that the manifest lists; without a manifest nothing is known.
+
+    Parameters
+    ----------
+    shards : sequence of str or Path
+        Shards to be read.
+    manifest : str or Path
+        manifest.json.
+
+    Raises
+    ------
+    DatasetError
+        Names shard and remedy.
+    """
     if not Path(manifest).is_file():
         return
     listed = {shard["file"]: shard["sha256"] for shard in read_manifest(manifest)["shards"]}

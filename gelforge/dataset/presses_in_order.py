@@ -1,6 +1,6 @@
 """The recorded indentations of a session, solved one after another on one sensor that softens.
 
-`presses.h5` holds one label per indentation. Until it is whole, a folder `presses.part` beside it holds what is solved so
+`presses.h5` holds one label per indentation. Until it is whole, a folder `presses.part` next to it holds what is solved so
 far and the softening left, so that a killed job goes on where it was.
 """
 
@@ -38,7 +38,7 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.progress import tracked
 
 ROWS = ("force", "sigma_mesh", "sigma_material")  # of a label, each the total and then the bins (1 + B, 3)
-COPIED = 256  # indentations that are in memory at a time when the file is written
+COPIED = 256  # indentations that are in memory at a time when the file is written (no result depends on it)
 
 
 @dataclass

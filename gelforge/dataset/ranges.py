@@ -15,7 +15,23 @@ LABEL = "force_distribution_N"
 
 
 def label_ranges(shards: Sequence[str | Path]) -> np.ndarray:
-    """Return the least and greatest true force (2, 2, 3) [N] of all rows: per bin and in total, least and greatest, axis."""
+    """Return the least and greatest true force of all rows.
+
+    Parameters
+    ----------
+    shards : sequence of str or Path
+        All shards of a dataset.
+
+    Returns
+    -------
+    numpy.ndarray
+        (2, 2, 3) [N]: of a bin and in total; least and greatest; x, y, z.
+
+    Raises
+    ------
+    DatasetError
+        Where no row has a label.
+    """
     low, high = np.full((2, 3), np.inf), np.full((2, 3), -np.inf)
     for block in ShardDataset(shards).batches((LABEL,)):
         label = block[LABEL].astype(float)

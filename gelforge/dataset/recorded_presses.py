@@ -39,10 +39,29 @@ class RecordedPress:
 def recorded_presses(
     readings: pd.DataFrame, cells: Mapping[str, PlannedCell], study: Study
 ) -> list[RecordedPress]:
-    """Return the indentations of a session's readings, joined to the plan, in the order recorded.
+    """Return the indentations of a session's readings, in the order recorded.
 
     Where the study's materials relax, an indentation passes its load and dwell readings when they were taken, up to the
-    last one at its depth; else it goes down without time.
+    last one at its depth. Otherwise it goes down without time.
+
+    Parameters
+    ----------
+    readings : pandas.DataFrame
+        As `read_presses` returns them.
+    cells : mapping of str to PlannedCell
+        Sites of the plan.
+    study : Study
+        Its effects say whether time counts.
+
+    Returns
+    -------
+    list of RecordedPress
+        Site and trajectory of each.
+
+    Raises
+    ------
+    RecordingError
+        For an indentation that moves sideways, on a sensor that softens.
     """
     history = study.mechanics.effects.history
     sideways = readings.loc[readings["phase"] == "shear", "press"]
@@ -91,9 +110,26 @@ def presses_digest(study: Study, laws: Laws, presses: Sequence[RecordedPress]) -
 
 
 def read_presses(folder: Path, cells: Mapping[str, PlannedCell]) -> pd.DataFrame:
-    """Return what `recorded_presses` needs of a session's folder, without forces and images, joined to the plan.
+    """Return what `recorded_presses` needs of a session's folder, without forces and images.
 
-    Raises RecordingError or TableError as the readings do.
+    Parameters
+    ----------
+    folder : Path
+        The session's folder.
+    cells : mapping of str to PlannedCell
+        Sites that the indentations are joined to.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns press, phase, order, time_s, x_mm and y_mm (sensor frame), depth_mm and cell.
+
+    Raises
+    ------
+    RecordingError
+        For an indentation that cannot be joined.
+    TableError
+        For a missing column or value.
     """
     path = folder / "indentations.csv"
     table = read_csv(
@@ -109,7 +145,25 @@ def read_presses(folder: Path, cells: Mapping[str, PlannedCell]) -> pd.DataFrame
 
 
 def pressed_cells(folder: Path, cells: Mapping[str, PlannedCell]) -> list[str]:
-    """Return the sites that a session needs solved, in the order of the plan: those pressed, and those that these mirror."""
+    """Return the sites that a session needs solved: those pressed, and those that these mirror.
+
+    Parameters
+    ----------
+    folder : Path
+        The session's folder.
+    cells : mapping of str to PlannedCell
+        Sites of the plan.
+
+    Returns
+    -------
+    list of str
+        Names, in the order of the plan.
+
+    Raises
+    ------
+    RecordingError
+        As `read_presses`.
+    """
     pressed = set(read_presses(folder, cells)["cell"].dropna())
     needed = pressed | {cells[name].source for name in pressed}
     return [name for name in cells if name in needed]

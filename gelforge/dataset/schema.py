@@ -90,5 +90,16 @@ COLUMNS = {
 
 
 def columns(labels_only: bool) -> dict[str, Column]:
-    """Return the columns of a shard, with or without those that need images."""
+    """Return the columns of a shard.
+
+    Parameters
+    ----------
+    labels_only : bool
+        Leave out columns that need images.
+
+    Returns
+    -------
+    dict of str to Column
+        Shape, type, unit and description by name.
+    """
     return {name: column for name, column in COLUMNS.items() if not (labels_only and column.recorded)}

@@ -70,20 +70,20 @@ class OwnPresses:
     def attributes(self) -> dict:
         """Return the file's attributes, after checking that it is whole and of the present settings."""
         with self._open() as file:
-            found = dict(file.attrs)
-        if self.digest is not None and found["inputs_digest"] != self.digest:
+            stored = dict(file.attrs)
+        if self.digest is not None and stored["inputs_digest"] != self.digest:
             raise DatasetError(
-                f"{self.path}: made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, expected "
+                f"{self.path}: made with other settings (inputs_digest {str(stored['inputs_digest'])[:12]}, expected "
                 f"{self.digest[:12]}); solve the session again (snakemake -R {self.path})"
             )
-        return found
+        return stored
 
     @cached_property
     def reasons(self) -> dict[str, tuple[int, str]]:
         """Return by press, in the order recorded, its row and why it has no label; empty: it has."""
         with self._open() as file:
-            found = zip(file["press"].asstr()[()], file["reason"].asstr()[()])
-            return {press: (row, reason) for row, (press, reason) in enumerate(found)}
+            failed = zip(file["press"].asstr()[()], file["reason"].asstr()[()])
+            return {press: (row, reason) for row, (press, reason) in enumerate(failed)}
 
     @cached_property
     def totals(self) -> dict[str, np.ndarray]:
@@ -138,13 +138,30 @@ def sigma(cell: Cell, quantity: str) -> np.ndarray:
 
 
 def check_digest(path: str | Path, name: str, cell: Cell, expected: str | None) -> None:
-    """Raise DatasetError for the file of another site, or of one made with other settings than the expected digest's."""
-    found = cell.attributes
-    if found["cell"] != name:
-        raise DatasetError(f"{path}: holds site {found['cell']!r}, expected {name!r}; simulate it again")
-    if expected is not None and found["inputs_digest"] != expected:
+    """Refuse the file of another site, or of one made with other settings.
+
+    Parameters
+    ----------
+    path : str or Path
+        The site's file, for the message.
+    name : str
+        The site that is needed.
+    cell : Cell
+        What the file holds.
+    expected : str or None
+        Digest of the settings; None where they do not matter.
+
+    Raises
+    ------
+    DatasetError
+        Names file, digest and remedy.
+    """
+    attributes = cell.attributes
+    if attributes["cell"] != name:
+        raise DatasetError(f"{path}: holds site {attributes['cell']!r}, expected {name!r}; simulate it again")
+    if expected is not None and attributes["inputs_digest"] != expected:
         raise DatasetError(
-            f"{path}: site {name} was made with other settings (inputs_digest {str(found['inputs_digest'])[:12]}, "
+            f"{path}: site {name} was made with other settings (inputs_digest {str(attributes['inputs_digest'])[:12]}, "
             f"expected {expected[:12]}); simulate it again (snakemake -R {path})"
         )
 

@@ -53,7 +53,28 @@ def writing_shard(
 ) -> Iterator[ShardWriter]:
     """Yield a writer of a shard that appears under its name only when it is whole.
 
-    attributes may be filled until the block ends; those of JSON_ATTRIBUTES are stored as JSON text.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    attributes : dict
+        May be filled until the block ends; those of JSON_ATTRIBUTES are stored as JSON text.
+    labels_only : bool
+        Rows have labels and no features.
+    features : int
+        Numbers of a row's features.
+    bins : int
+        Number of bins.
+
+    Yields
+    ------
+    ShardWriter
+        Takes rows.
+
+    Raises
+    ------
+    FileError
+        For a full disk.
     """
     with writing(path) as file:
         writer = ShardWriter(file, labels_only, features, bins)
@@ -68,7 +89,23 @@ def _open(path: Path) -> h5py.File:
 
 
 def shard_attributes(path: str | Path) -> dict:
-    """Return the attributes of a shard, the JSON ones decoded."""
+    """Return the attributes of a shard.
+
+    Parameters
+    ----------
+    path : str or Path
+        A shard that `writing_shard` wrote.
+
+    Returns
+    -------
+    dict
+        Plain numbers and text; those of JSON_ATTRIBUTES decoded.
+
+    Raises
+    ------
+    DatasetError
+        For a file that is missing, damaged or no shard.
+    """
     with _open(Path(path)) as file:
         attributes = {
             name: getattr(value, "tolist", lambda v=value: v)() for name, value in file.attrs.items()
@@ -162,13 +199,13 @@ def lineage(path: str | Path, row: int) -> dict:
         known = {
             name: _values(file[name], row) for name in file if file[name].ndim == 1 or name == "position_mm"
         }
-    found = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in known.items()}
-    recording = {} if attributes["labels_only"] else dict(attributes["sessions"][found["session"]])
-    session_label = recording.pop("presses", None) or recording.pop("cells", {}).get(found["cell"])
-    label = session_label or attributes["cells"][found["cell"]]
-    found.update(
+    plain = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in known.items()}
+    recording = {} if attributes["labels_only"] else dict(attributes["sessions"][plain["session"]])
+    session_label = recording.pop("presses", None) or recording.pop("cells", {}).get(plain["cell"])
+    label = session_label or attributes["cells"][plain["cell"]]
+    plain.update(
         shard=str(path), row=row, synthetic=attributes["synthetic"], study=attributes["study"], label=label
     )
     if recording:
-        found["recording"] = recording
-    return found
+        plain["recording"] = recording
+    return plain

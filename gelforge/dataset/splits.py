@@ -113,7 +113,26 @@ def split_orbits(
 def planned_split(
     planned: Mapping[str, PlannedCell], sensor: Sensor, test_fraction: float, seed: int
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Return "train" or "test" of every site of a plan, and its orbit."""
+    """Return the split of a plan: an orbit of symmetric sites is in one part as a whole.
+
+    Parameters
+    ----------
+    planned : mapping of str to PlannedCell
+        All sites of the plan.
+    sensor : Sensor
+        Its symmetry makes the orbits.
+    test_fraction : float
+        Share of the orbits that test.
+    seed : int
+        Of the draw.
+
+    Returns
+    -------
+    dict of str to str
+        "train" or "test" by site.
+    dict of str to str
+        Orbit by site.
+    """
     orbit = orbits(planned, sensor)
     places = {name: np.array([cell.x_mm, cell.y_mm]) for name, cell in planned.items()}
     return split_orbits(orbit, distances_from_wall(places, sensor), test_fraction, seed), orbit

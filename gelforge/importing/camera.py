@@ -24,7 +24,8 @@ from gelforge.recording.imaging.images import refuse_turned
 from gelforge.units import UNITS, known_unit
 
 SMALL_PX = 80  # width to which frames are reduced before they are compared
-KEPT_BYTES = 1_000_000_000  # of decoded frames: a longer film is decoded a second time for the chosen ones
+# Of decoded frames: a longer film is decoded a second time for the chosen ones (no result depends on it).
+KEPT_BYTES = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -190,9 +191,9 @@ def _times_in_names(path: Path, source: CameraSource, names: list[str]) -> np.nd
     times = np.empty(len(names))
     pattern, factor = given(source.from_name, "camera.from_name"), UNITS[known_unit(source.name_unit)][1]
     for i, name in enumerate(names):
-        found = re.search(pattern, name)
+        match = re.search(pattern, name)
         try:
-            times[i] = float(found.group(1) if found else "") * factor
+            times[i] = float(match.group(1) if match else "") * factor
         except (ValueError, TypeError):
             raise ImportingError(
                 f"{path / name}: camera.from_name {source.from_name!r} finds no number in this name; correct the pattern"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import percentile_filter
@@ -11,6 +12,7 @@ from scipy.signal import correlate, correlation_lags, find_peaks
 
 from gelforge.importing.refusals import ImportingError
 
+# Lags of SYNTHETIC logs are found within 5 ms, and logs of two sessions are refused (tests/importing/test_clocks.py):
 GRID_S = 0.02  # of a coarse lag: bends give it to a tenth of this afterwards
 BASELINE_S = 60.0  # the signal at rest is its 15th percentile over so long
 REST_PERCENTILE = 15  # low, as presses may fill most of a minute, and no minimum, which is noise
@@ -23,6 +25,13 @@ APART_S = 0.3  # the shortest wait (`least_dwell_s`): nearer lags are one peak
 NEAR_STEPS = 6  # of the grid, about the best lag: relaxation shifts it
 STRONG = 0.3  # of the median peak: an indentation that both signals must show
 MARGIN_S = 0.3  # of the overlap, where a smoothed signal knows one side only
+
+
+class Signal(NamedTuple):
+    """What a log shows over its own clock."""
+
+    time_s: np.ndarray  # (n,) since its first row
+    values: np.ndarray  # (n,) any unit
 
 
 @dataclass(frozen=True)
@@ -39,26 +48,40 @@ class Match:
 
 
 def coarse_match(
-    stage_s,
-    travel,
-    signal_s,
-    signal,
+    stage: Signal,
+    log: Signal,
     what: str,
     key: str,
     start_s: float = 0.0,
     known_s=None,
     refine: Callable[[Match], float] = lambda match: match.lag_s,
 ) -> Match:
-    """Return the lag at which a signal follows the stage. Raises ImportingError where none does, or several do.
+    """Return the lag at which a log follows the stage.
 
-    stage_s (n,) [s], travel (n,) [mm]; signal_s (m,) [s], signal (m,), any unit, growing with depth. start_s: by how much
-    the signal's clock shows more at its first row than the stage's at its own, for messages. known_s: a
-    lag that is kept. refine: gives the lag about a match to a sample, for those that a message offers.
+    Parameters
+    ----------
+    stage : Signal
+        Travel [mm].
+    log : Signal
+        What grows with depth, in any unit.
+    what, key : str
+        The log's file, and its key in the mapping, for messages.
+    start_s : float
+        By how much the log's clock shows more at its first row than the stage's at its own, for messages.
+    known_s : float, optional
+        A given lag, which is kept.
+    refine : callable
+        Gives the lag about a match to a sample, for those that a message offers.
+
+    Raises
+    ------
+    ImportingError
+        Where no lag fits, or several do.
     """
-    grid = np.arange(0, stage_s[-1], GRID_S)
-    depth = np.interp(grid, stage_s, travel)
-    times = np.arange(0, signal_s[-1], GRID_S)
-    even = np.interp(times, signal_s, signal)
+    grid = np.arange(0, stage.time_s[-1], GRID_S)
+    depth = np.interp(grid, *stage)
+    times = np.arange(0, log.time_s[-1], GRID_S)
+    even = np.interp(times, *log)
     height = rise(times, even)
     best = _best_level(depth, height)
     _refuse_unlike(depth, times, even, best[0], what, key)
@@ -126,9 +149,9 @@ def _finer_level(depth: np.ndarray, height: np.ndarray, level: float, lag: float
     step, best = np.ptp(depth) / (LEVELS + 1), (-1.0, level, POWER)
     for shift in range(round(lag / GRID_S) - NEAR_STEPS, round(lag / GRID_S) + NEAR_STEPS + 1, 2):
         a, b = max(0, -shift), min(len(depth), len(height) - shift)
-        own, seen = depth[a:b], height[a + shift : b + shift]
-        tries = np.linspace(level - 2 * step, min(level + step, own.max() - 0.1 * step), 61)
-        beyond = np.maximum(own[None, :] - tries[:, None], 0.0)
+        travel, seen = depth[a:b], height[a + shift : b + shift]
+        tries = np.linspace(level - 2 * step, min(level + step, travel.max() - 0.1 * step), 61)
+        beyond = np.maximum(travel[None, :] - tries[:, None], 0.0)
         for power in POWERS:
             models = beyond**power
             correlation = models @ seen / np.sqrt((models**2).sum(axis=1))
@@ -138,7 +161,7 @@ def _finer_level(depth: np.ndarray, height: np.ndarray, level: float, lag: float
     return best[1], best[2]
 
 
-def _refuse_unlike(depth, times, signal, found: float, what: str, key: str) -> None:
+def _refuse_unlike(depth, times, signal, best: float, what: str, key: str) -> None:
     """Raise ImportingError for a signal that does not follow the stage, or does so better with another sign."""
     signs = {"stage.pressing": (-1, 1)}
     if key == "force":
@@ -148,14 +171,14 @@ def _refuse_unlike(depth, times, signal, found: float, what: str, key: str) -> N
         named: _best_level(way * depth, rise(times, sign * signal))[0] for named, (way, sign) in signs.items()
     }
     named = max(others, key=others.__getitem__)
-    if others[named] > max(found, LEAST_CORRELATION):
+    if others[named] > max(best, LEAST_CORRELATION):
         raise ImportingError(
-            f"{what}: follows the stage with another sign (correlation {others[named]:.2f}, as declared {found:.2f});"
+            f"{what}: follows the stage with another sign (correlation {others[named]:.2f}, as declared {best:.2f});"
             f" correct {named}"
         )
-    if found < LEAST_CORRELATION:
+    if best < LEAST_CORRELATION:
         raise ImportingError(
-            f"{what}: does not follow the stage (correlation {found:.2f}, at least {LEAST_CORRELATION} is needed); name the"
+            f"{what}: does not follow the stage (correlation {best:.2f}, at least {LEAST_CORRELATION} is needed); name the"
             f" {key} log of this session and its columns"
         )
 
@@ -172,11 +195,11 @@ def contradictions(grid, depth, times, height, lag: float) -> int:
     start, end = max(grid[0], times[0] - lag) + MARGIN_S, min(grid[-1], times[-1] - lag) - MARGIN_S
     pairs = [(grid, depth, times - lag, height), (times - lag, height, grid, depth)]
     count = 0
-    for own_s, own, other_s, other in pairs:
-        strong, weak = _strong(own, STRONG), _strong(other, 0.1 * STRONG)
-        for first, last in runs_above(own, 0.1 * strong):
+    for own_s, shown, other_s, other in pairs:
+        strong, weak = _strong(shown, STRONG), _strong(other, 0.1 * STRONG)
+        for first, last in runs_above(shown, 0.1 * strong):
             inside = own_s[first] >= start and own_s[last] <= end
-            if not inside or own[first : last + 1].max() < strong:
+            if not inside or shown[first : last + 1].max() < strong:
                 continue
             a, b = np.searchsorted(other_s, [own_s[first], own_s[last]])
             count += not (other[a : b + 1] > weak).any()

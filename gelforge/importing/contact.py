@@ -16,6 +16,8 @@ import numpy as np
 from scipy.stats import f as f_law
 
 EXPONENTS = np.arange(0.8, 2.61, 0.1)
+
+# Intervals hold the contact points of SYNTHETIC logs, noisy and relaxing ones too (tests/importing/test_presses.py):
 PLACES = 81  # that are tried, then twice as many within the neighbourhood of the least
 MOST_SAMPLES = 200  # of a ramp; means of neighbours beyond
 SHARES = (1.0, 0.5, 0.25)  # of the depth that are fitted, in turn
@@ -119,12 +121,12 @@ def _thinned(s, f) -> tuple[np.ndarray, np.ndarray]:
     count = len(s) // MOST_SAMPLES + 1
     if count == 1:
         return s, f
-    whole = len(s) // count * count
-    return s[:whole].reshape(-1, count).mean(axis=1), f[:whole].reshape(-1, count).mean(axis=1)
+    full = len(s) // count * count
+    return s[:full].reshape(-1, count).mean(axis=1), f[:full].reshape(-1, count).mean(axis=1)
 
 
 def _inflation(noise: np.ndarray) -> float:
-    """Return by how much neighbours that err alike reduce the number of independent samples (first lags only)."""
+    """Return by how much neighbours that err together reduce the number of independent samples (first lags only)."""
     noise = noise - noise.mean()
     size = noise @ noise
     if size <= 0:

@@ -15,11 +15,11 @@ from gelforge.config.foreign.importing import GCode
 from gelforge.importing.refusals import ImportingError
 
 AXES = "XYZ"
-INCH_MM = 25.4
+INCH_MM = 25.4  # exact since 1959
 MOVES = {"G0", "G1", "G4", "G20", "G21", "G90", "G91"}
 WITHOUT_TIME = {"G17", "G40", "G49", "G54", "G64", "G80", "G94", "M2", "M30", "M82", "M84", "M104", "M106", "M107", "M140",
                 "M400"}  # fmt: skip
-LEAST_MOVE_MM = 1e-9  # rounding of sums of coordinates
+LEAST_MOVE_MM = 1e-9  # rounding of sums of coordinates: metres hold 1e-13 mm in double precision
 
 
 def gcode_table(path: Path, columns: list[str], how: GCode) -> pd.DataFrame:
@@ -108,7 +108,7 @@ def _gone(time: np.ndarray, way: float, speed: float, acceleration: float | None
     if acceleration is None:
         return np.minimum(time * speed / way, 1.0)
     peak = min(speed, np.sqrt(way * acceleration))
-    ramp, whole = peak / acceleration, peak / acceleration + way / peak
-    begun, ended = np.minimum(time, ramp), np.clip(time - (whole - ramp), 0.0, ramp)
+    ramp, total = peak / acceleration, peak / acceleration + way / peak
+    begun, ended = np.minimum(time, ramp), np.clip(time - (total - ramp), 0.0, ramp)
     gone = 0.5 * acceleration * (begun**2 - ended**2) + peak * np.clip(time - ramp, 0.0, None)
     return np.clip(gone / way, 0.0, 1.0)

@@ -12,7 +12,7 @@ import pandas as pd
 from gelforge.config import Session, section_from
 from gelforge.config.foreign.importing import Clock, ImportMapping, StageSource, Surface, load_import
 from gelforge.importing.camera import Film, read_film
-from gelforge.importing.clocks import Match, coarse_match
+from gelforge.importing.clocks import Match, Signal, coarse_match
 from gelforge.importing.presses import Presses, depth_zero_mm, find_presses
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.revisits import repeatability_mm
@@ -84,9 +84,29 @@ class Imported:
 
 
 def import_logs(mapping_file: str | Path, name: str, data: Path | None = None) -> Imported:
-    """Return what the logs that a mapping describes hold, as a session of this name. Raises ImportingError and others.
+    """Return the session that the logs of a mapping hold.
 
-    data: folder of the logs; None: that of the mapping.
+    Parameters
+    ----------
+    mapping_file : str or Path
+        YAML that says what the logs' columns mean.
+    name : str
+        Of the session.
+    data : Path, optional
+        Folder of the logs; None for that of the mapping.
+
+    Returns
+    -------
+    Imported
+        Session, logs on the stage's clock [s], indentations and their contact points [mm].
+
+    Raises
+    ------
+    ImportingError
+        For logs that are of two sessions, clocks that cannot be aligned, and indentations that are cut or slip. The
+        message names the key that settles it.
+    ConfigError
+        For a mapping that is not valid.
     """
     path = Path(mapping_file)
     mapping, folder = load_import(path), data or path.parent
@@ -94,19 +114,19 @@ def import_logs(mapping_file: str | Path, name: str, data: Path | None = None) -
     stage = read_stage(folder, mapping.stage, mapping.force)
     force = read_force(folder, mapping.force, mapping.stage)
     film = read_film(folder, mapping.camera) if mapping.camera else None
-    found = excursions(stage.time_s, stage.values, mapping.least_retreat_mm, mapping.least_dwell_s)
+    moves = excursions(stage.time_s, stage.values, mapping.least_retreat_mm, mapping.least_dwell_s)
     push = -force_on_sensor(force.values, session.force)[:, 2]
-    clock = _aligned(stage, found, force, push, mapping.force, "force", None, mapping.stage)
+    clock = _aligned(stage, moves, force, push, mapping.force, "force", None, mapping.stage)
     force_s, camera_clock, frames = clock.law.on_stage(force.time_s), None, None
     if film and mapping.camera:
         source = Stream(film.path, film.start_s, film.time_s, film.change[:, None])
         camera_clock = _aligned(
-            stage, found, source, film.change, mapping.camera, "camera", clock.match.contact_mm, mapping.stage
+            stage, moves, source, film.change, mapping.camera, "camera", clock.match.contact_mm, mapping.stage
         )
         frames = Frames(film, camera_clock.law.on_stage(film.time_s))
     presses = find_presses(
         stage,
-        found,
+        moves,
         force_s,
         push,
         clock.match.contact_mm,
@@ -133,12 +153,20 @@ def import_logs(mapping_file: str | Path, name: str, data: Path | None = None) -
     keys = {"depth_zero": found_zero, "stage_to_sensor": found_stage, "notes": notes}
     session = _session(mapping, name, keys, str(path))
     return Imported(
-        mapping, session, stage, found, force, force_s, push, clock, film, frames, camera_clock, presses, zero, table, images
+        mapping, session, stage, moves, force, force_s, push, clock, film, frames, camera_clock, presses, zero, table, images
     )  # fmt: skip
 
 
 def write_imported(folder: str | Path, imported: Imported) -> None:
-    """Write the session folder, and import.csv beside its tables."""
+    """Write a session's folder, and import.csv with its contact points.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The session's folder.
+    imported : Imported
+        As `import_logs` returns it.
+    """
     folder = Path(folder)
     log = pd.DataFrame(imported.force.values, columns=FORCE)
     log.insert(0, "time_s", np.round(imported.force_s, 6))
@@ -146,21 +174,21 @@ def write_imported(folder: str | Path, imported: Imported) -> None:
     imported.contacts.to_csv(folder / "import.csv", index=False, float_format="%.6g")
 
 
-def _session(mapping: ImportMapping, name: str, found: dict[str, Any], source: str) -> Session:
+def _session(mapping: ImportMapping, name: str, keys: dict[str, Any], source: str) -> Session:
     """Return session.yaml: what the mapping says holds before what was found."""
     said = dict(mapping.session)
     stage = {key: value for key, value in (said.get("stage_to_sensor") or {}).items() if value is not None}
     both = {
-        "depth_zero": {**found.get("depth_zero", {}), **(said.get("depth_zero") or {})},
-        "stage_to_sensor": {**found.get("stage_to_sensor", {}), **stage},
+        "depth_zero": {**keys.get("depth_zero", {}), **(said.get("depth_zero") or {})},
+        "stage_to_sensor": {**keys.get("stage_to_sensor", {}), **stage},
     }
-    notes = "; ".join(text for text in (str(said.get("notes") or ""), found.get("notes", "")) if text)
+    notes = "; ".join(text for text in (str(said.get("notes") or ""), keys.get("notes", "")) if text)
     return section_from(Session, {**said, **both, "session": name, "notes": notes}, f"{source}: session")
 
 
 def _aligned(
     stage: Stream,
-    found: list[Excursion],
+    moves: list[Excursion],
     log: Stream,
     signal: np.ndarray,
     clock: Clock,
@@ -170,18 +198,16 @@ def _aligned(
 ) -> Aligned:
     """Return the clock of a log whose signal (n,) grows with depth."""
     what, start = str(log.path), log.start_s - stage.start_s
-    travel = stage.values[:, 2]
+    moved, shown = Signal(stage.time_s, stage.values[:, 2]), Signal(log.time_s, signal)
     known = None if clock.lag_s is None else clock.lag_s - start
 
     def refine(match: Match) -> float:
         contact = match.contact_mm if level is None else level
-        return refined_lag(
-            find_bends(stage.time_s, travel, found, log.time_s, signal, match, contact), match.lag_s
-        )
+        return refined_lag(find_bends(moved, moves, shown, match, contact), match.lag_s)
 
-    match = coarse_match(stage.time_s, travel, log.time_s, signal, what, key, start, known, refine)
+    match = coarse_match(moved, shown, what, key, start, known, refine)
     contact = match.contact_mm if level is None else level
-    bends = find_bends(stage.time_s, travel, found, log.time_s, signal, match, contact)
+    bends = find_bends(moved, moves, shown, match, contact)
     # of a log without stamps of its own None: rows of it may be lost without a trace
     stamps = (log.time_s if stamped(clock) else None, stage.time_s if stamped(stage_clock) else None)
     return Aligned(match, clock_law(bends, known, clock.drift, what, key, stamps), bends, start)
@@ -194,22 +220,22 @@ def stamped(clock: Clock | StageSource) -> bool:
 
 def _depth_zero(mapping: ImportMapping, presses: Presses) -> dict[str, Any]:
     """Return the keys of session.yaml's depth_zero: how it was found, and its scatter [mm]."""
-    found = np.array([press.contact.travel_mm for press in presses.kept])
-    own = float(np.median([press.contact.sd_mm for press in presses.kept]))
+    contacts_mm = np.array([press.contact.travel_mm for press in presses.kept])
+    error_mm = float(np.median([press.contact.sd_mm for press in presses.kept]))
     if mapping.depth_zero == "press":
         return {
             "by": "press",
             "how": "contact point of each indentation, from force over travel",
-            "press_scatter_mm": round(own, 5),
+            "press_scatter_mm": round(error_mm, 5),
         }
-    spread = float(np.std(found, ddof=1)) if len(found) > 1 else own
+    spread = float(np.std(contacts_mm, ddof=1)) if len(contacts_mm) > 1 else error_mm
     # What the points scatter by beyond the errors they were found with is that of the surface and the stage.
-    beyond = max(spread**2 - own**2, spread**2 / len(found))
+    beyond = max(spread**2 - error_mm**2, spread**2 / len(contacts_mm))
     keys = {"by": "session", "press_scatter_mm": round(float(np.sqrt(beyond)), 5)}
     if isinstance(mapping.depth_zero, Surface):
         return keys | {"how": f"the laboratory's own, at {mapping.depth_zero.at_mm:g} mm of the stage"}
-    how = f"median contact point of {len(found)} indentations, from force over travel"
-    return keys | {"how": how, "session_scatter_mm": round(spread / np.sqrt(len(found)), 5)}
+    how = f"median contact point of {len(contacts_mm)} indentations, from force over travel"
+    return keys | {"how": how, "session_scatter_mm": round(spread / np.sqrt(len(contacts_mm)), 5)}
 
 
 def _notes(mapping: ImportMapping, force: Aligned, camera: Aligned | None, presses: Presses) -> str:

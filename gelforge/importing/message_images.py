@@ -15,6 +15,7 @@ import numpy as np
 from gelforge.importing.messages import field, messages, seconds
 from gelforge.importing.refusals import ImportingError
 
+# Of a pixel, by the encodings of sensor_msgs in ROS 2.
 CHANNELS = {"mono8": 1, "8UC1": 1, "rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "8UC4": 4}
 TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "rgba8": cv2.COLOR_RGBA2BGR, "bgra8": cv2.COLOR_BGRA2BGR}
 VIDEO = {"h264": ".h264", "h265": ".h265"}  # bare streams, which OpenCV reads from a file
@@ -22,11 +23,11 @@ VIDEO = {"h264": ".h264", "h265": ".h265"}  # bare streams, which OpenCV reads f
 
 def message_images(path: Path, topic: str | None, key: str) -> Iterator[tuple[str, float, np.ndarray]]:
     """Yield name, stamp [s] and image (H, W) or (H, W, 3) BGR uint8 of every message of a topic."""
-    found = messages(path, topic, key)
-    for number, (received, message) in enumerate(found):
+    records = messages(path, topic, key)
+    for number, (received, message) in enumerate(records):
         form = str(_get(message, "format", ""))
         if form in VIDEO:
-            yield from _video(path, topic, VIDEO[form], (received, message), found)
+            yield from _video(path, topic, VIDEO[form], (received, message), records)
             return
         name = f"{topic}#{number}"
         yield name, _stamp(message, received), _image(path, name, message, form)

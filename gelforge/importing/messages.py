@@ -77,8 +77,8 @@ def field(message: Any, name: str) -> Any:
 
 def _number_in(message: Any, name: str, path: Path, topic: str | None) -> float:
     try:
-        found = field(message, name)
-        return seconds(found) if _is_stamp(found) else float(found)
+        value = field(message, name)
+        return seconds(value) if _is_stamp(value) else float(value)
     except (LookupError, TypeError, ValueError):
         raise ImportingError(
             f"{path}: a message of {topic} has no number {name!r}, its fields are {', '.join(_names(message))}; name a field"
@@ -95,8 +95,8 @@ def _is_stamp(value: Any) -> bool:
 
 def seconds(stamp: Any) -> float:
     """Return a stamp of whole seconds and nanoseconds [s]."""
-    whole, rest = next(parts for parts in STAMPS if all(_has(stamp, part) for part in parts))
-    return int(field(stamp, whole)) + 1e-9 * int(field(stamp, rest))
+    secs, rest = next(parts for parts in STAMPS if all(_has(stamp, part) for part in parts))
+    return int(field(stamp, secs)) + 1e-9 * int(field(stamp, rest))
 
 
 def _has(value: Any, part: str) -> bool:
@@ -107,7 +107,7 @@ def _names(message: Any) -> list[str]:
     if isinstance(message, dict):
         return list(message)
     if hasattr(message, "DESCRIPTOR"):
-        return [own.name for own in message.DESCRIPTOR.fields]
+        return [entry.name for entry in message.DESCRIPTOR.fields]
     return (
         [name for name in vars(message) if not name.startswith("_")] if hasattr(message, "__dict__") else []
     )

@@ -35,12 +35,12 @@ def named_readings(folder: Path, images: NamedImages) -> pd.DataFrame:
     for file in images_in(path):
         if file.name == images.reference:
             continue
-        found = expression.fullmatch(file.name)
-        if not found:
+        match = expression.fullmatch(file.name)
+        if not match:
             raise ImportingError(
                 f"{file}: is not of the form {images.names!r}; correct images.names, or take the file away"
             )
-        texts = dict(zip(names, found.groups()))
+        texts = dict(zip(names, match.groups()))
         row = {name: float(texts[name]) * factor for name, factor in factors.items()}
         rows.append(row | {"press": texts.get("press", ""), "path": file})
     if not rows:
@@ -128,5 +128,5 @@ def _with_zeros(table: pd.DataFrame, tared: bool) -> pd.DataFrame:
     before = first.assign(phase="zero", depth_mm=np.nan, path=None, time_s=first["time_s"] - STEP_S / 2)
     before[FORCE] = 0.0
     order = table.groupby("press", sort=False).ngroup()
-    whole = pd.concat([before.assign(at=order), table.assign(at=order)])
-    return whole.sort_values(["at", "time_s"], kind="stable").drop(columns="at").reset_index(drop=True)
+    both = pd.concat([before.assign(at=order), table.assign(at=order)])
+    return both.sort_values(["at", "time_s"], kind="stable").drop(columns="at").reset_index(drop=True)

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from gelforge.importing.clocks import rise, runs_above
+from gelforge.importing.clocks import Signal, rise, runs_above
 from gelforge.importing.contact import Contact, contact_point
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion, Wait
 from gelforge.importing.streams import Stream, gap_limit_s
 from gelforge.robust import SIGMA_OF_MEDIAN
 
+# Every indentation of SYNTHETIC logs is found; knocks and motions without force are none (tests/importing/test_presses.py):
 SMOOTH_S = 0.02  # a period of 50 Hz mains, and the grid of the lags
 NOISE = 6.0  # standard deviations of the smoothed force that are no accident
 STEPS = 2.0  # and steps of its resolution
@@ -52,12 +53,11 @@ class Presses:
     left_out: tuple[tuple[int, float, str], ...]
     untouched_s: tuple[float, ...]
     smooth_N: np.ndarray  # (m,) force towards the gel above rest, smoothed
-    threshold_N: float
 
 
 def find_presses(
     stage: Stream,
-    found: list[Excursion],
+    moves: list[Excursion],
     force_s: np.ndarray,
     push: np.ndarray,
     level_mm: float,
@@ -71,14 +71,14 @@ def find_presses(
     indentation and the key that settles it.
     """
     smooth, threshold = _above_rest(force_s, push)
-    merged = _merged(stage, found, force_s, smooth, threshold)
+    merged = _merged(stage, moves, force_s, smooth, threshold)
     travel_at = np.interp(force_s, stage.time_s, stage.values[:, 2])
     kept, left_out, untouched, number, before_s = [], [], [], 0, -np.inf
     gaps = np.flatnonzero(np.diff(force_s) > gap_limit_s(force_s))  # rows before them
     for excursion in merged:
         start, end = stage.time_s[excursion.first], stage.time_s[excursion.last]
         a, b = np.searchsorted(force_s, [start, end])
-        cut = _cut(stage, excursion, force_s, smooth, threshold, level_mm, frames_s)
+        cut = _cut(stage, excursion, force_s, level_mm, frames_s)
         touches = [
             (a + i, a + j)
             for i, j in runs_above(smooth[a:b], threshold)
@@ -102,15 +102,14 @@ def find_presses(
                     f"{at}: no row between {force_s[gap[0]]:.2f} and {force_s[gap[0] + 1]:.2f} s, while it is pressed;"
                     f" leave it out with skip: [{number}]"
                 )
-            _refuse_slip(at, number, stage, excursion, force_s[rows], smooth[rows], travel_at[rows])
+            _refuse_slip(at, number, force_s[rows], smooth[rows], travel_at[rows])
             kept.append(
                 _press(
                     at,
                     number,
                     stage,
                     excursion,
-                    force_s,
-                    push,
+                    Signal(force_s, push),
                     travel_at,
                     rows,
                     max([before_s + AFTER_S, start, *force_s[gaps[gaps < rows.start] + 1]]),
@@ -124,7 +123,7 @@ def find_presses(
         raise ImportingError(
             f"none of {number} indentations is left; correct skip, or check force.columns and stage.z"
         )
-    return Presses(tuple(kept), tuple(left_out), tuple(untouched), smooth, threshold)
+    return Presses(tuple(kept), tuple(left_out), tuple(untouched), smooth)
 
 
 def _above_rest(force_s, push) -> tuple[np.ndarray, float]:
@@ -142,10 +141,10 @@ def _above_rest(force_s, push) -> tuple[np.ndarray, float]:
     )
 
 
-def _merged(stage, found, force_s, smooth, threshold) -> list[Excursion]:
+def _merged(stage, moves, force_s, smooth, threshold) -> list[Excursion]:
     """Return excursions, those joined between which contact was not lost."""
     out: list[Excursion] = []
-    for excursion in found:
+    for excursion in moves:
         valley = stage.time_s[excursion.first]
         near = slice(*np.searchsorted(force_s, [valley - 0.05, valley + 0.05]))
         if out and len(smooth[near]) and smooth[near].min() > threshold:
@@ -156,7 +155,7 @@ def _merged(stage, found, force_s, smooth, threshold) -> list[Excursion]:
     return out
 
 
-def _cut(stage, excursion, force_s, smooth, threshold, level_mm, frames_s) -> str:
+def _cut(stage, excursion, force_s, level_mm, frames_s) -> str:
     """Return which log begins or ends within an indentation, "" where none does."""
     travel = stage.values[excursion.first : excursion.last + 1, 2]
     deep = np.flatnonzero(travel > level_mm)
@@ -175,7 +174,7 @@ def _cut(stage, excursion, force_s, smooth, threshold, level_mm, frames_s) -> st
     return ""
 
 
-def _refuse_slip(at, number, stage, excursion, force_s, smooth, travel) -> None:
+def _refuse_slip(at, number, force_s, smooth, travel) -> None:
     """Raise ImportingError where the force falls at once while the stage stays or goes deeper."""
     later = np.minimum(np.searchsorted(force_s, force_s + SLIP_S), len(force_s) - 1)
     retreat = travel - travel[later]
@@ -190,9 +189,10 @@ def _refuse_slip(at, number, stage, excursion, force_s, smooth, travel) -> None:
         )
 
 
-def _press(at, number, stage, excursion, force_s, push, travel_at, rows, from_s) -> Press:
+def _press(at, number, stage, excursion, force: Signal, travel_at, rows, from_s) -> Press:
     """Return an indentation whose force exceeds its noise in these rows of the force log; from_s: rest may begin here."""
     time, travel = stage.time_s, stage.values[:, 2]
+    force_s, push = force
     guess_s, end_s = float(force_s[rows.start]), float(force_s[rows.stop - 1])
     guess = float(travel_at[rows.start])
     inside = [
@@ -247,7 +247,7 @@ def depth_zero_mm(
 
     rule: `session`, `press`, or a surface `at_mm` on the axis that presses. within_mm: of their median, and of that surface.
     """
-    found = np.array([press.contact.travel_mm for press in presses])
+    points = np.array([press.contact.travel_mm for press in presses])
     if rule == "press":
         half = np.array([(p.contact.high_mm - p.contact.low_mm) / 2 for p in presses])
         k = int(half.argmax())
@@ -257,14 +257,14 @@ def depth_zero_mm(
                 f" mm only, the limit is {WIDEST_MM} mm; set depth_zero: session, or leave it out with"
                 f" skip: [{presses[k].number}]"
             )
-        return found
-    middle = float(np.median(found))
-    k = int(np.abs(found - middle).argmax())
-    if abs(found[k] - middle) > within_mm:
-        one = np.abs(np.delete(found, k) - middle).max(initial=0.0) <= within_mm
+        return points
+    middle = float(np.median(points))
+    k = int(np.abs(points - middle).argmax())
+    if abs(points[k] - middle) > within_mm:
+        one = np.abs(np.delete(points, k) - middle).max(initial=0.0) <= within_mm
         known = (presses[k].contact.high_mm - presses[k].contact.low_mm) / 2
         raise ImportingError(
-            f"contact points lie up to {abs(found[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
+            f"contact points lie up to {abs(points[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
             f" {presses[k].top_s:.1f} s), the limit is {within_mm:g} mm: "
             + (
                 f"leave it out with skip: [{presses[k].number}], or set depth_zero: press"

@@ -51,13 +51,13 @@ def rows_of_presses(
     """
     rows, images = [], {}
     for order, (press, zero) in enumerate(zip(presses, zero_mm)):
-        own = _rows(press, zero, stage, frames, mapping, tolerance_mm)
-        for number, row in enumerate(own):
+        of_press = _rows(press, zero, stage, frames, mapping, tolerance_mm)
+        for number, row in enumerate(of_press):
             row |= {"press": f"p{press.number:03d}", "cell": "", "order": order, "image": ""}
             if (frame := row.pop("frame", None)) is not None:
                 row["image"] = f"{row['press']}_{number:02d}_{row['phase']}.png"
                 images[row["image"]] = frame
-        rows += own
+        rows += of_press
     table = pd.DataFrame(rows).reindex(columns=COLUMNS)
     return table, images
 
@@ -71,14 +71,14 @@ def _rows(
     tolerance_mm: float,
 ) -> list[dict]:
     xy = np.round(place_of(press), 3)
-    rows = [_zero_row(press, zero, stage, at, xy) for at in np.linspace(*press.zero_s, ZERO_ROWS + 2)[1:-1]]
+    rows = [_zero_row(zero, stage, at, xy) for at in np.linspace(*press.zero_s, ZERO_ROWS + 2)[1:-1]]
     if frames:
         k, at = frames.near(rows[-1]["time_s"])
         if not press.zero_s[0] <= at <= press.zero_s[1]:
             raise ImportingError(
                 f"indentation {press.number}: no frame in its zero phase; leave it out with skip: [{press.number}]"
             )
-        rows[-1] = _zero_row(press, zero, stage, at, xy) | {"frame": k}
+        rows[-1] = _zero_row(zero, stage, at, xy) | {"frame": k}
         rows.sort(key=lambda row: row["time_s"])
     if not press.waits:
         frame: int | None = None
@@ -140,7 +140,7 @@ def _row(phase, at, xy, depth, speed=np.nan, dwell=np.nan, frame=None) -> dict:
     return row if frame is None else row | {"frame": frame}
 
 
-def _zero_row(press, zero, stage, at, xy) -> dict:
+def _zero_row(zero, stage, at, xy) -> dict:
     depth = float(np.interp(at, stage.time_s, stage.values[:, 2])) - zero
     return _row("zero", at, xy, min(depth, 0.0))
 

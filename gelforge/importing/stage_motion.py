@@ -11,6 +11,7 @@ from scipy.signal import find_peaks
 from gelforge.indentation.paths.places import POSITION_MATCH_MM
 from gelforge.robust import SIGMA_OF_MEDIAN
 
+# Waits and stops of SYNTHETIC stages, one in steps of its encoder too, are found (tests/importing/test_presses.py):
 NOISE_BANDS = 4.0  # of the encoder's noise: a stage within is at rest
 LEAST_BAND_MM = 0.003  # a stage that follows its command holds it to some micrometres (judgement)
 FULL_SPEED = 0.8  # of a ramp's largest speed: samples that brake or accelerate are slower
@@ -71,8 +72,8 @@ def excursions(
     valleys = [int(a + travel[a : b + 1].argmin()) for a, b in zip(peaks, peaks[1:])]
     out = []
     for first, top, last in zip([0, *valleys], peaks, [*valleys, len(time) - 1]):
-        own = tuple(wait for wait in waits if first <= wait.first and wait.last <= last)
-        out.append(Excursion(first, int(top), last, own))
+        within = tuple(wait for wait in waits if first <= wait.first and wait.last <= last)
+        out.append(Excursion(first, int(top), last, within))
     return out
 
 

@@ -19,6 +19,7 @@ from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.time_stamps import stamps, units_of
 from gelforge.units import UNITS, known_unit, unit_in_header, unit_named
 
+# Faulty logs are refused and their right neighbours read in `python -m benchmarks.faults inputs`:
 LEAST_ROWS = 20  # fewer show no indentation with its waits
 JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0  # from row to row, and so fast: no stage or robot that presses gels
 # of a log without samples: no clock can be aligned across it
@@ -66,15 +67,15 @@ def counts_above_header(path: Path, source: ForceSource, values: np.ndarray) -> 
     None for values that are no whole numbers: they are forces already. Raises ImportingError where the lines state another
     unit than the mapping.
     """
-    whole = values / UNITS[known_unit(source.unit)][1]
-    if is_bag(path) or not (np.abs(whole - np.round(whole)) < 1e-6).all():
+    recorded = values / UNITS[known_unit(source.unit)][1]
+    if is_bag(path) or not (np.abs(recorded - np.round(recorded)) < 1e-6).all():
         return None
     top = lines_of(path, source.table.csv_form({}))[:MOST_LINES_ABOVE]
     head = next((i for i, line in enumerate(top) if all(name in line for name in source.columns)), 0)
     counts = None
     for line in top[:head]:
-        if found := COUNTS.search(line):
-            counts = float(found.group(1).replace(",", ""))
+        if match := COUNTS.search(line):
+            counts = float(match.group(1).replace(",", ""))
         said = FORCE_UNIT.search(line)
         unit = unit_named(said.group(1)) if said else None
         if unit and unit != known_unit(source.unit):
@@ -134,7 +135,7 @@ def _read(
         declared |= units_of(source.time)
         for column, unit in units_of(source.time).items():
             refuse_other_unit(path, column, unit, f"{key}.time")
-    table = _table(folder, path, source, other, key, units, declared, numbers, texts)
+    table = _table(folder, source, other, key, units, declared, numbers, texts)
     if len(table) < LEAST_ROWS:
         raise ImportingError(
             f"{path}: {len(table)} rows, at least {LEAST_ROWS} are needed; name the whole log"
@@ -155,8 +156,9 @@ def without_lag(one: ForceSource | StageSource, other: ForceSource | StageSource
     return given and not one.topic and all(getattr(one, key) == getattr(other, key) for key in same)
 
 
-def _table(folder, path, source, other, key, units, declared, numbers, texts) -> pd.DataFrame:
+def _table(folder, source, other, key, units, declared, numbers, texts) -> pd.DataFrame:
     """Return the columns of a log, from the kind of file that it is."""
+    path = folder / source.file
     if is_bag(path):
         if texts:
             raise ImportingError(f"{path}: stamps of messages are numbers; set {key}.time.unit: s")
@@ -188,12 +190,12 @@ def _table(folder, path, source, other, key, units, declared, numbers, texts) ->
 
 def refuse_other_unit(path: Path, column: str, unit: str, key: str) -> None:
     """Raise ImportingError where the name of a column ends in another unit than the declared one."""
-    found, declared = unit_in_header(column), unit_named(unit)
+    stated, declared = unit_in_header(column), unit_named(unit)
     # 0:03:12 under "Time (s)": the text itself shows the form, and the reader refuses another one
-    clock = declared == "h:mm:ss" and found and UNITS[found][0] == "time"
-    if found and found != declared and not clock:
+    clock = declared == "h:mm:ss" and stated and UNITS[stated][0] == "time"
+    if stated and stated != declared and not clock:
         raise ImportingError(
-            f"{path}: the column {column!r} says {found}, {key}.unit says {unit}; set {key}.unit: {found}, or correct the"
+            f"{path}: the column {column!r} says {stated}, {key}.unit says {unit}; set {key}.unit: {stated}, or correct the"
             " header"
         )
 

@@ -13,6 +13,7 @@ from gelforge.importing.refusals import ImportingError
 from gelforge.recording.plausibility.streams import COARSEST_TICK_S, spread_stamps
 from gelforge.units import UNITS, known_unit
 
+# Clocks that are set and stamps without digits are refused, right ones read in `python -m benchmarks.faults inputs`:
 UNEVEN_S = 0.25  # off the straight line through stamps that are declared even: samples were lost
 FEW_DIGITS = range(
     6, 10

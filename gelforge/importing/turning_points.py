@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from gelforge.importing.clocks import Match
+from gelforge.importing.clocks import Match, Signal
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion
 from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
 from gelforge.robust import SIGMA_OF_MEDIAN
 
+# Lags of SYNTHETIC logs are found within 5 ms, with drift and jitter too (tests/importing/test_clocks.py):
 LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each indentation on its own
 RATE_STEPS = 6  # between which rates are taken
 WINDOW_S = 0.35  # of the signal on each side of a bend
@@ -41,12 +42,12 @@ class Bends:
         """Return time, weighted mean lag and its standard deviation of each indentation [s]."""
         rows = []
         for number in np.unique(self.excursion):
-            own = self.excursion == number
-            weight = 1 / self.sd_s[own] ** 2
+            of_press = self.excursion == number
+            weight = 1 / self.sd_s[of_press] ** 2
             rows.append(
                 (
-                    self.at_s[own].mean(),
-                    np.average(self.lag_s[own], weights=weight),
+                    self.at_s[of_press].mean(),
+                    np.average(self.lag_s[of_press], weights=weight),
                     np.sqrt(1 / weight.sum()),
                 )
             )
@@ -68,29 +69,43 @@ class ClockLaw:
 
 
 def find_bends(
-    log_s, travel, found: list[Excursion], signal_s, signal, match: Match, contact_mm: float
+    stage: Signal, excursions: list[Excursion], log: Signal, match: Match, contact_mm: float
 ) -> Bends:
-    """Return the bends of a signal (m,) at stops and starts of the stage under load; match: about the lag."""
+    """Return the bends of a log at stops and starts of the stage under load.
+
+    Parameters
+    ----------
+    stage : Signal
+        Travel [mm].
+    excursions : list of Excursion
+        Those of the stage.
+    log : Signal
+        What grows with depth, in any unit.
+    match : Match
+        The coarse lag, about which bends are looked for.
+    contact_mm : float
+        Travel at which contact begins.
+    """
     rows = []
-    for number, excursion in enumerate(found):
-        if travel[excursion.top] <= contact_mm or not excursion.waits:
+    for number, excursion in enumerate(excursions):
+        if stage.values[excursion.top] <= contact_mm or not excursion.waits:
             continue
-        lag = _local_lag(log_s, travel, excursion, signal_s, signal, match, contact_mm)
+        lag = _local_lag(stage, excursion, log, match, contact_mm)
         if lag is None:
             continue
         for k, wait in enumerate(excursion.waits):
             for at, side in ((wait.arrive_s, -1), (wait.leave_s, 1)):
-                bend = _bend(log_s, travel, excursion, k, side, signal_s, signal, lag, contact_mm)
+                bend = _bend(stage, excursion, k, side, log, lag, contact_mm)
                 if bend is not None:
                     rows.append((at, *bend, number))
     ats, lags, sds, numbers = np.array(rows).T if rows else np.zeros((4, 0))
     return Bends(ats, lags, sds, numbers.astype(int))
 
 
-def _local_lag(log_s, travel, excursion, signal_s, signal, match, contact_mm) -> float | None:
+def _local_lag(stage, excursion, log, match, contact_mm) -> float | None:
     """Return the lag [s] at which the signal of one indentation follows its depth best, None where it is not covered."""
-    time = np.arange(log_s[excursion.first], log_s[excursion.last], LOCAL_STEP_S)
-    model = np.maximum(np.interp(time, log_s, travel) - contact_mm, 0.0) ** match.power
+    time = np.arange(stage.time_s[excursion.first], stage.time_s[excursion.last], LOCAL_STEP_S)
+    model = np.maximum(np.interp(time, *stage) - contact_mm, 0.0) ** match.power
     pressed = np.flatnonzero(model > 0)
     if len(pressed) < 2:
         return None
@@ -98,17 +113,17 @@ def _local_lag(log_s, travel, excursion, signal_s, signal, match, contact_mm) ->
     time = time[keep]
     model = model[keep][RATE_STEPS:] - model[keep][:-RATE_STEPS]  # rates: relaxation changes them little
     lag_s, room = match.lag_s, min(LOCAL_S, 0.5 * (time[-1] - time[0]))
-    if time[0] + lag_s - room < signal_s[0] or time[-1] + lag_s + room > signal_s[-1]:
+    if time[0] + lag_s - room < log.time_s[0] or time[-1] + lag_s + room > log.time_s[-1]:
         return None
     lags = lag_s + np.arange(-room, room + LOCAL_STEP_S / 2, LOCAL_STEP_S)
-    seen = np.interp(time[None, :] + lags[:, None], signal_s, signal)
+    seen = np.interp(time[None, :] + lags[:, None], *log)
     seen = seen[:, RATE_STEPS:] - seen[:, :-RATE_STEPS]
     size = np.sqrt((seen**2).sum(axis=1) * (model @ model))
     return float(lags[(seen @ model / np.maximum(size, 1e-300)).argmax()])
 
 
 def _bend(
-    log_s, travel, excursion, number, side, signal_s, signal, lag, contact_mm
+    stage: Signal, excursion: Excursion, number: int, side: int, log: Signal, lag: float, contact_mm: float
 ) -> tuple[float, float] | None:
     """Return lag and its standard deviation [s] of the bend where the stage stops (side -1) or leaves (1) a wait.
 
@@ -119,24 +134,24 @@ def _bend(
     if not np.isfinite(at) or wait.travel_mm <= contact_mm:
         return None
     rows = slice(excursion.first, wait.first) if side < 0 else slice(wait.last, excursion.last + 1)
-    clear = log_s[rows][travel[rows] <= contact_mm]
+    clear = stage.time_s[rows][stage.values[rows] <= contact_mm]
     others = (
         [w.leave_s for w in excursion.waits[:number]]
         if side < 0
         else [w.arrive_s for w in excursion.waits[number + 1 :]]
     )
-    ends = np.concatenate([clear, others, [log_s[excursion.first], log_s[excursion.last]]])
+    ends = np.concatenate([clear, others, [stage.time_s[excursion.first], stage.time_s[excursion.last]]])
     distance = -side * (at - ends)
     moving = min(WINDOW_S, np.nanmin(distance[distance > 0], initial=WINDOW_S))
-    rest = np.nan_to_num(wait.leave_s - wait.arrive_s, nan=log_s[wait.last] - log_s[wait.first])
+    rest = np.nan_to_num(wait.leave_s - wait.arrive_s, nan=stage.time_s[wait.last] - stage.time_s[wait.first])
     before, after = (moving, min(rest, WINDOW_S))[::-side]
     if min(before, after) <= BEND_S:
         return None
     for _ in range(RECENTRED):
-        found = bend_near(at, lag, before - BEND_S, after - BEND_S, side, signal_s, signal)
-        if found is None or abs(found[0] - lag) < BEND_S - BEND_STEP_S:
-            return found
-        lag = found[0]
+        bend = bend_near(at, lag, before - BEND_S, after - BEND_S, side, *log)
+        if bend is None or abs(bend[0] - lag) < BEND_S - BEND_STEP_S:
+            return bend
+        lag = bend[0]
     return None
 
 
@@ -236,17 +251,17 @@ def _refuse_jumps(at, lag, law, what: str, key: str, stamps) -> None:
     if max(off.max(), steps.max()) <= limit:
         return
     k = int(steps.argmax())
-    found = (
+    words = (
         f"{what}: its lag jumps from {steady[k]:.3f} to {steady[k + 1]:.3f} s between the indentations at {at[k]:.1f} and"
         f" {at[k + 1]:.1f} s, the limit is {limit * 1e3:.2g} ms"
     )
     signal, stage = stamps
     if signal is not None and stage is not None:
         raise ImportingError(
-            f"{found}: {_stepped((signal, stage), steady[k : k + 2], at[k : k + 2], limit, key)}"
+            f"{words}: {_stepped((signal, stage), steady[k : k + 2], at[k : k + 2], limit, key)}"
         )
     causes, remedies = _without_stamps(key, stamps)
-    raise ImportingError(f"{found}: {causes}; {remedies}, or record again")
+    raise ImportingError(f"{words}: {causes}; {remedies}, or record again")
 
 
 def _without_stamps(key: str, stamps) -> tuple[str, str]:

@@ -48,7 +48,7 @@ class Labels:
     own: Mapping[str, Cell]  # sites of the plan that were solved themselves, by name
 
     def cell(self, planned: PlannedCell) -> Cell:
-        """Return a site's label: solved where a solved site lies, interpolated elsewhere, failed beside a failed one."""
+        """Return a site's label: solved where a solved site lies, interpolated elsewhere, failed next to a failed one."""
         identity = {
             "cell": planned.name,
             "x_mm": planned.x_mm,
@@ -98,16 +98,16 @@ class Labels:
     def _between(self, planned: PlannedCell, position: np.ndarray, identity: dict) -> Cell:
         wall_clock, cpu_clock = time.perf_counter(), time.process_time()
         depths = planned.depths_mm
-        found, bars = self.solved.at(position, depths), self.solved.bars_at(position, depths)
-        normal, friction = (without_dust(part) for part in np.split(found.bins, 2, axis=-1))
+        forces, bars = self.solved.at(position, depths), self.solved.bars_at(position, depths)
+        normal, friction = (without_dust(part) for part in np.split(forces.bins, 2, axis=-1))
         bin_force = without_dust(normal + friction)
         arrays = {
             "depth_mm": np.array(depths),
             "shear_mm": np.zeros((len(depths), 2)),
             "tilt_deg": np.zeros((len(depths), 2)),
-            "indenter_mm": found.centre + [*position, 0.0],
-            "total_force_N": found.force.sum(axis=1),
-            "reaction_N": found.reaction,
+            "indenter_mm": forces.centre + [*position, 0.0],
+            "total_force_N": forces.force.sum(axis=1),
+            "reaction_N": forces.reaction,
             "side_force_N": np.zeros((len(depths), 3)),
             "bin_force_N": bin_force,
             "bin_normal_N": normal,
@@ -117,7 +117,7 @@ class Labels:
         for quantity in ("bin", "total"):
             arrays |= {f"{quantity}_sigma_{part}_N": bars[f"{quantity}_{part}"] for part in parts}
         summed: dict[str, float] = {}
-        for name, weight in zip(found.names, found.weights):
+        for name, weight in zip(forces.names, forces.weights):
             summed[name] = summed.get(name, 0.0) + weight
         largest = sorted(summed, key=lambda name: -abs(summed[name]))
         attributes = {

@@ -37,25 +37,53 @@ class Decision:
     @property
     def words(self) -> str:
         """What a log says."""
-        found = f"level {self.level}: {len(self.solved)} solved sites, "
-        found += f"{self.beyond} of {self.labels} labels beyond the tolerance"
-        found += f", the largest {self.largest:.2f} of it ({self.where})" if self.labels else ""
+        text = f"level {self.level}: {len(self.solved)} solved sites, "
+        text += f"{self.beyond} of {self.labels} labels beyond the tolerance"
+        text += f", the largest {self.largest:.2f} of it ({self.where})" if self.labels else ""
         if self.more:
-            return f"{found}; {len(self.more)} more sites are solved"
+            return f"{text}; {len(self.more)} more sites are solved"
         if self.themselves:
-            return f"{found}; {len(self.themselves)} sites of the plan, which interpolation does not reach, are solved"
-        return f"{found}; done"
+            return f"{text}; {len(self.themselves)} sites of the plan, which interpolation does not reach, are solved"
+        return f"{text}; done"
 
 
 def first_level(lattice: Lattice) -> list[str]:
-    """Return the names of the sites of level 0."""
+    """Return the names of the sites of the first level of a lattice.
+
+    Parameters
+    ----------
+    lattice : Lattice
+        As `lattice_of` returns it.
+
+    Returns
+    -------
+    list of str
+        As of `name_of`; of mirror images one.
+    """
     return [name_of(at) for at in lattice.representatives(lattice.level(0))]
 
 
 def decide(
     solved: SolvedSites, level: int, planned: Sequence[PlannedCell], tolerance: Interpolation
 ) -> Decision:
-    """Return what is to be solved after a level; planned: the plan's sites to be interpolated, of images one."""
+    """Return what is to be solved after a level of the lattice.
+
+    Parameters
+    ----------
+    solved : SolvedSites
+        What is solved so far.
+    level : int
+        The last level that was solved.
+    planned : sequence of PlannedCell
+        The plan's sites to be interpolated, of images one.
+    tolerance : Interpolation
+        Largest error bars of interpolated labels.
+
+    Returns
+    -------
+    Decision
+        Sites of the next level, sites of the plan that are solved themselves, and how many labels are beyond the tolerance.
+    """
     lattice, have = solved.lattice, set(solved.sites)
     beyond: list[PlannedCell] = []
     labels, count, largest, where = 0, 0, 0.0, ""
@@ -104,11 +132,11 @@ def label_ratios(bars: Mapping[str, np.ndarray], tolerance: Interpolation) -> np
             for quantity in ("bin", "total")
         )
         loaded = np.linalg.norm(label_bar, axis=-1) > 0
-        found = [
+        ratios = [
             _rms(bins, loaded) / np.maximum(_rms(label_bar, loaded), 1e-300),
             np.linalg.norm(total, axis=-1) / np.maximum(np.linalg.norm(total_bar, axis=-1), 1e-300),
         ]
-        return np.max(found, axis=0) / tolerance.tolerance
+        return np.max(ratios, axis=0) / tolerance.tolerance
     of_bins = _rms(bins, loaded)
     of_total = np.linalg.norm(total, axis=-1) / np.sqrt(3 * carries)
     return np.maximum(of_bins, of_total) / tolerance.tolerance_N

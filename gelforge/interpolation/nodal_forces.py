@@ -60,17 +60,17 @@ class NodalForces:
         """
         force = self.force_N[depths]
         bins = sensor.bins
-        found = np.zeros((len(force), bins.ny, bins.nx, 6))
+        summed = np.zeros((len(force), bins.ny, bins.nx, 6))
         if not len(self.half_mm):
-            return found
+            return summed
         place, half = self.offset_mm * scale + position, self.half_mm * scale
         columns, along_x = _shares(place[:, 0], half, sensor.width_x_mm, bins.nx)
         rows, along_y = _shares(place[:, 1], half, sensor.width_y_mm, bins.ny)
         share = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(place), -1)
         values = share.T @ np.moveaxis(force, 1, 0).reshape(len(place), -1)
         shape = (along_y.shape[1], along_x.shape[1], len(force), 6)
-        found[:, rows, columns] = np.moveaxis(values.reshape(shape), 2, 0)
-        return found
+        summed[:, rows, columns] = np.moveaxis(values.reshape(shape), 2, 0)
+        return summed
 
 
 def ball_of(indenter: Indenter) -> Sphere | None:
@@ -92,8 +92,8 @@ def _shares(at: np.ndarray, half: np.ndarray, width: float, n: int) -> tuple[sli
     inner = np.arange(first + 1, last) * edge
     u = np.clip((inner - at[:, None]) / half[:, None], -1.0, 1.0)
     below = np.where(u < 0, (1 + u) ** 2 / 2, 1 - (1 - u) ** 2 / 2)  # of a hat's integral, left of each edge
-    none, whole = np.zeros((len(at), 1)), np.ones((len(at), 1))
-    return slice(first, last), np.diff(np.hstack([none, below, whole]), axis=1)
+    none, ones = np.zeros((len(at), 1)), np.ones((len(at), 1))
+    return slice(first, last), np.diff(np.hstack([none, below, ones]), axis=1)
 
 
 def moved_map(values: np.ndarray, by: np.ndarray, sensor: Sensor) -> np.ndarray:

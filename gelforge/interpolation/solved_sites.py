@@ -23,6 +23,7 @@ from gelforge.interpolation.nodal_forces import NodalForces, ball_of, contact_wi
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 from gelforge.mechanics.indenters.shapes import Sphere
 
+# Found on some positions and judged on others by `python benchmarks/interpolation.py`:
 # Of the difference of a site that is left out alone (benchmarks/interpolation.py).
 SITE_PART = 1.0
 LINE_PART: Mapping[str, float | np.ndarray] = {
@@ -30,7 +31,7 @@ LINE_PART: Mapping[str, float | np.ndarray] = {
     "total": np.array([0.6, 0.6, 0.4]),
 }  # of that of a site that is left out with its line
 # Instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals. A
-# spacing of half the height and more is no small one beside a wall: the next half changes more than an order says.
+# spacing of half the height and more is no small one next to a wall: the next half changes more than an order says.
 END_PART: Mapping[str, float | np.ndarray] = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}
 # From which spacings are small (benchmarks/interpolation.py).
 FINE_LEVEL = 2
@@ -102,15 +103,15 @@ class SolvedSites:
 
         Those of bins are (D, ny, nx, 3), those of totals (D, 3).
         """
-        found = {}
+        by_site = {}
         for at, cell in self.cells.items():
             roots = (
                 {key: np.sqrt(value) for key, value in self._left_out(at).items()} if cell.converged else {}
             )
             for image in self.lattice.images(at):
                 symmetry = self.lattice.symmetry_to(at, image)
-                found[image] = {key: self._map(symmetry, root) ** 2 for key, root in roots.items()}
-        return found
+                by_site[image] = {key: self._map(symmetry, root) ** 2 for key, root in roots.items()}
+        return by_site
 
     @cached_property
     def _places(self) -> np.ndarray:
@@ -170,7 +171,9 @@ class SolvedSites:
         weights = place_weights(places[chosen], position)
         near = [usable[k] for k in chosen]
         along = [depth_weights(np.array(self.lattice.depths_mm), depth) for depth in depths]
-        whole = len(depths) == len(self.lattice.depths_mm) and all(len(numbers) == 1 for numbers, _ in along)
+        complete = len(depths) == len(self.lattice.depths_mm) and all(
+            len(numbers) == 1 for numbers, _ in along
+        )
 
         def mixed(values: np.ndarray) -> np.ndarray:  # (D, ...) of a site -> at the depths asked for
             return np.stack([np.tensordot(w, values[numbers], 1) for numbers, w in along])
@@ -180,7 +183,7 @@ class SolvedSites:
             # A sheet that tilts or a yawed machine does not press where it is commanded: by how much is linear in the place.
             bins += weight * (
                 site.forces.binned(position, self.sensor)
-                if whole
+                if complete
                 else self._over_depths(site.forces, position, depths, along)
             )
         reaction = sum(w * mixed(site.reaction) for site, w in zip(near, weights))
@@ -190,7 +193,7 @@ class SolvedSites:
 
     def _over_depths(self, forces: NodalForces, position: np.ndarray, depths, along) -> np.ndarray:
         """Return bins (d, ny, nx, 6) between depths: each depth's nodes lie as far apart as the contact is then wide."""
-        known, found = self.lattice.depths_mm, []
+        known, squares = self.lattice.depths_mm, []
         for depth, (numbers, weights) in zip(depths, along):
             parts = [
                 weight
@@ -202,8 +205,8 @@ class SolvedSites:
                 )[0]
                 for number, weight in zip(numbers, weights)
             ]
-            found.append(sum(parts))
-        return np.array(found)
+            squares.append(sum(parts))
+        return np.array(squares)
 
     @cached_property
     def _ball(self) -> Sphere | None:
@@ -224,28 +227,28 @@ class SolvedSites:
             for axis in (0, 1)
             if 0 < at[axis] < self.lattice.ends[axis]
         ]
-        found: dict[str, np.ndarray] = {}
+        by_array: dict[str, np.ndarray] = {}
         for kind, all_of in left_out.items():
             for without in all_of:
                 squares = self._squares(cell, self.at(self.lattice.place(at), depths, without).force)
                 for quantity, square in zip(("bin", "total"), squares):
-                    found[quantity + kind] = found.get(quantity + kind, 0.0) + square
+                    by_array[quantity + kind] = by_array.get(quantity + kind, 0.0) + square
         if self.between_depths:
-            found["bin_depth"], found["total_depth"] = self._squares(cell, self._without_depths(at))
-        return found
+            by_array["bin_depth"], by_array["total_depth"] = self._squares(cell, self._without_depths(at))
+        return by_array
 
     def _without_depths(self, at: Index) -> np.ndarray:
         """Return the forces (D, B, 3) of a site, each depth interpolated from the others; the ends stand as they are."""
         cell, depths = self.cells[at], np.array(self.lattice.depths_mm)
         forces, place = NodalForces.of(cell), self.lattice.place(at)
-        found = cell.arrays["bin_force_N"].copy()
+        predicted = cell.arrays["bin_force_N"].copy()
         for k in range(1, len(depths) - 1):
             others = np.delete(np.arange(len(depths)), k)
             numbers, weights = depth_weights(depths[others], depths[k])
             along = [([int(others[n]) for n in numbers], weights)]
             bins = self._over_depths(forces, place, depths[k : k + 1], along)[0]
-            found[k] = (bins[..., :3] + bins[..., 3:]).reshape(-1, 3)
-        return found
+            predicted[k] = (bins[..., :3] + bins[..., 3:]).reshape(-1, 3)
+        return predicted
 
     def _squares(self, cell: Cell, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         bins = self.sensor.bins
@@ -292,7 +295,7 @@ class SolvedSites:
             if above is None
             else (depths - known[above - 1]) / np.diff(known)[above - 1]
         )
-        found: dict[str, np.ndarray] = {}
+        by_array: dict[str, np.ndarray] = {}
 
         def mixed(values: np.ndarray) -> np.ndarray:
             if above is None:
@@ -320,9 +323,9 @@ class SolvedSites:
         bars = {at: site.bars for at, site in self.sites.items()}
         line_part = self._line_part(position)
         for quantity in ("bin", "total"):
-            for own in OWN:
-                if (bar := carried(f"{quantity}_{own}", bars)) is not None:
-                    found[f"{quantity}_{own}"] = bar
+            for origin in OWN:
+                if (bar := carried(f"{quantity}_{origin}", bars)) is not None:
+                    by_array[f"{quantity}_{origin}"] = bar
             square = np.zeros(())
             for kind, part in (("", SITE_PART), ("_line", line_part[quantity])):
                 if (left_out := carried(quantity + kind, self.squares)) is not None:
@@ -332,7 +335,7 @@ class SolvedSites:
                     -1, *[1] * (over_depth.ndim - 1)
                 )  # none at a depth
                 square = square + (DEPTH_PART * between) ** 2 * over_depth
-            if quantity == "bin" and "bin_mesh" in found:
-                square = square + (MESH_PART * found["bin_mesh"]) ** 2
-            found[f"{quantity}_interpolation"] = np.sqrt(square)
-        return found
+            if quantity == "bin" and "bin_mesh" in by_array:
+                square = square + (MESH_PART * by_array["bin_mesh"]) ** 2
+            by_array[f"{quantity}_interpolation"] = np.sqrt(square)
+        return by_array

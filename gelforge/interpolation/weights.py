@@ -5,20 +5,47 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.distance import cdist
 
+# Coverage of the labels: `python benchmarks/interpolation.py`:
 NEAREST = 24  # sites that a label is interpolated from: all within some two spacings
 DEPTHS = 4  # neighbouring depths: a cubic
 
 
 def nearest(places: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Return the numbers of the NEAREST of places (n, 2) to a position (2,), nearest first; of equals the first."""
+    """Return the nearest places to a position.
+
+    Parameters
+    ----------
+    places : numpy.ndarray
+        (n, 2) [mm].
+    position : numpy.ndarray
+        (2,) [mm].
+
+    Returns
+    -------
+    numpy.ndarray
+        Numbers of NEAREST places at most, nearest first; of equals the first.
+    """
     away = np.round(np.linalg.norm(places - position, axis=1), 6)
     return np.argsort(away, kind="stable")[:NEAREST]
 
 
 def place_weights(places: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Return the weights (n,) of values at places (n, 2) [mm] at a position (2,): quintic radial functions and a quadratic.
+    """Return the weights of values at places for a position between them: quintic radial functions and a quadratic.
 
-    They sum to 1 and reproduce what is quadratic in the place; along an axis with two places or one, what is linear or even.
+    They sum to 1 and reproduce what is quadratic in the place; along an axis with two places or one, what is linear or
+    even.
+
+    Parameters
+    ----------
+    places : numpy.ndarray
+        (n, 2) [mm].
+    position : numpy.ndarray
+        (2,) [mm].
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,).
     """
     scale = max(float(np.ptp(places, axis=0).max()), 1e-9)
     x, at = (places - position) / scale, np.zeros((1, 2))
@@ -38,9 +65,26 @@ def place_weights(places: np.ndarray, position: np.ndarray) -> np.ndarray:
 
 
 def depth_weights(depths: np.ndarray, depth: float) -> tuple[list[int], np.ndarray]:
-    """Return the numbers of the depths that a value at a depth is interpolated from, and their weights: Lagrange's cubic.
+    """Return the weights of depths for a depth between them: Lagrange's cubic.
 
-    A depth that is there stands for itself. Raises ValueError for one beyond those there are.
+    Parameters
+    ----------
+    depths : numpy.ndarray
+        (D,) [mm], increasing.
+    depth : float
+        [mm].
+
+    Returns
+    -------
+    list of int
+        Numbers of the depths; one where the depth is there.
+    numpy.ndarray
+        Their weights; they sum to 1.
+
+    Raises
+    ------
+    ValueError
+        For a depth beyond those there are.
     """
     same = np.flatnonzero(np.abs(depths - depth) < 1e-9)
     if len(same):

@@ -64,20 +64,20 @@ class Look:
 
     def warnings(self, image: np.ndarray) -> tuple[str, ...]:
         """Return in words how an image differs from this look, the reference's; empty where it does not."""
-        now, found = Look.of(image), []
+        now, words = Look.of(image), []
         limit = max(GREY_SHARE * self.grey, GREY_LEAST)
         if abs(now.grey - self.grey) > limit:
-            found.append(
+            words.append(
                 f"mean grey level {now.grey:.0f}, of the reference {self.grey:.0f}, limit +-{limit:.0f}: light or exposure "
                 "has changed; fix it, then zero again"
             )
         ratio = now.sharp / max(self.sharp, 1e-6)
         if abs(ratio - 1) > SHARP_SHARE:
-            found.append(
+            words.append(
                 f"sharpness {ratio:.2f} of the reference's, limit 1 +- {SHARP_SHARE:g}: focus has changed or the lens is "
                 "dirty; fix it, then zero again"
             )
-        return tuple(found)
+        return tuple(words)
 
 
 class LiveForce:

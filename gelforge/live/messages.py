@@ -29,6 +29,8 @@ from gelforge.learning.models.reliability import COVER
 from gelforge.live.compute import Reading
 
 VERSION = 1  # of the messages in docs/live.md
+
+# What a page shows, on which no result depends:
 KEPT = 500  # latencies of which percentiles are reported: five lie above the 99th
 WINDOW_S = 2.0  # over which frames per second are counted
 

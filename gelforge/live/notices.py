@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+# How often a person is warned, on which no result depends:
 LASTS_S = 1.0  # a warning is printed once it has lasted so long
 EVERY_S = 30.0  # at most one line of a kind
 

@@ -20,7 +20,7 @@ FORMAT = "gelforge-live-1"
 WAITING = (
     2000  # readings, a minute at 30 frames per second; what a disk that is slower still misses is counted
 )
-FLUSH_S = 1.0  # of readings are lost at most where the process is killed
+FLUSH_S = 1.0  # of readings are lost at most where the process is killed (no result depends on it)
 # name: (shape of a row, type, description)
 COLUMNS = {
     "number": ((), "i8", "number of the frame, from 0 [1]"),

@@ -15,13 +15,13 @@ from gelforge.live.record import LIMITS, Limits, Recorder, RecordingLimit
 from gelforge.live.server import Server
 from gelforge.recording.imaging.frames import Frame
 
-SILENT_S = 2.0  # without a frame, after which clients are warned
+SILENT_S = 2.0  # without a frame, after which clients are warned (no result depends on it)
 RECORDINGS = "live-recordings"  # folder for the page's record button, where --record names none
 
 
 @dataclass
 class Run:
-    """What a run does beside computing: commands of clients, recording, and what is reported of both."""
+    """What a run does in addition to computing: commands of clients, recording, and what is reported of both."""
 
     server: Server
     force: LiveForce
@@ -72,7 +72,7 @@ class Run:
         return self.force(shot)
 
     def state(self, capture: Capture, rates: Rates) -> dict:
-        """Return what every message holds beside the forces."""
+        """Return what every message holds in addition to the forces."""
         if self.recorder and self.recorder.problem:
             self.stop_recording()
         return {

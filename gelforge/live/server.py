@@ -27,6 +27,8 @@ from gelforge.live.messages import text_of
 
 STREAM = "/stream"
 COMMANDS = ("zero", "record", "stop")
+
+# Budgets of a server, on which no result depends:
 LARGEST_MESSAGE = 1024  # bytes from a client: commands have some twenty
 MOST_CLIENTS = 16  # with 30 kB of bins each at 30 frames per second they take 14 MB/s (judgement)
 ALIVE_S = 10  # between pings, and until a client that answers none is given up

@@ -55,7 +55,7 @@ NOTHING_MEASURED = "the constitutive model was given, or read from a file; no te
 
 @dataclass(frozen=True)
 class Characterised:
-    """What was found for one material, and the law files written beside the chosen one."""
+    """What was found for one material, and the law files written next to the chosen one."""
 
     name: str
     comparison: Comparison | None  # None: no test that a law can be fitted to
@@ -124,17 +124,17 @@ def characterise_source(
 
     law_needed: raise FitError where no test can be fitted; otherwise only the effects are written then.
     """
-    found = fits_of(source, fitting, law_needed)
+    fits = fits_of(source, fitting, law_needed)
     inputs = inputs_of(source, fitting)
     _clear(folder)
     others = []
-    if found.comparison:
-        others = _write_laws(folder, source, found.comparison, list(found.notes), inputs)
-        _write_curves(folder, curve_table(found.tests, found.curves, found.comparison.chosen.fitted.law))
-        write_table(folder, "laws", found.comparison.table())
-        write_table(folder, "parameters", parameters_table(source.name, found, fitting.bootstrap, workers))
-    _write_effects(folder, found.effects, inputs, source.synthetic)
-    result = Characterised(source.name, found.comparison, found.effects, found.notes, tuple(others))
+    if fits.comparison:
+        others = _write_laws(folder, source, fits.comparison, list(fits.notes), inputs)
+        _write_curves(folder, curve_table(fits.tests, fits.curves, fits.comparison.chosen.fitted.law))
+        write_table(folder, "laws", fits.comparison.table())
+        write_table(folder, "parameters", parameters_table(source.name, fits, fitting.bootstrap, workers))
+    _write_effects(folder, fits.effects, inputs, source.synthetic)
+    result = Characterised(source.name, fits.comparison, fits.effects, fits.notes, tuple(others))
     write_text(folder / "notes.txt", result.summary + "\n")
     return result
 
@@ -185,15 +185,15 @@ def inputs_of(source: MaterialSource, fitting: Fitting) -> str:
 
 def measured_effects(source: MaterialSource) -> MeasuredEffects:
     """Return what the tests of a material say about each effect, and why others could not be judged."""
-    tests, found, not_judged = list(source.tests), [], []
+    tests, measured, not_judged = list(source.tests), [], []
     judged = []
     if tests:
         of_tests = (circumstance_effects, relaxation_effects, cycle_effects, lateral_effects)
         judged = [judge(tests) for judge in of_tests]
     for effects, reasons in [*judged, small_effects(source.small)]:
-        found += effects
+        measured += effects
         not_judged += reasons
-    return MeasuredEffects(source.name, tuple(found), tuple(dict.fromkeys(not_judged)))
+    return MeasuredEffects(source.name, tuple(measured), tuple(dict.fromkeys(not_judged)))
 
 
 def material_law(name: str, fit: LawFit, inputs_digest: str, synthetic: bool, notes=()) -> MaterialLaw:
@@ -228,12 +228,12 @@ def curve_table(samples: list[MaterialTest], means: list[MeanCurve], law: Princi
     return pd.concat(parts, ignore_index=True)
 
 
-def parameters_table(name: str, found: Fits, bootstrap: int = 0, workers: int = 1) -> pd.DataFrame:
-    """Return the parameters of all fitted laws with their 95 % intervals; found: with a comparison.
+def parameters_table(name: str, fits: Fits, bootstrap: int = 0, workers: int = 1) -> pd.DataFrame:
+    """Return the parameters of all fitted laws with their 95 % intervals; fits: with a comparison.
 
     bootstrap: refits over samples for further intervals of the chosen one, 0 for none.
     """
-    comparison = found.comparison
+    comparison = fits.comparison
     assert comparison is not None, "the caller has checked that something was fitted"
     tables = []
     for candidate in (c for c in comparison.candidates if c.fit):
@@ -241,14 +241,14 @@ def parameters_table(name: str, found: Fits, bootstrap: int = 0, workers: int = 
         tables.append(table.assign(law=candidate.name, chosen=candidate is comparison.chosen))
     table = pd.concat(tables, ignore_index=True)
     if bootstrap:
-        return with_bootstrap(table, found.curves, comparison.chosen.fitted, bootstrap, workers)
+        return with_bootstrap(table, fits.curves, comparison.chosen.fitted, bootstrap, workers)
     return table
 
 
 def with_bootstrap(
     table: pd.DataFrame, curves: list[MeanCurve], fit: LawFit, replicates: int, workers: int
 ) -> pd.DataFrame:
-    """Return the table with the bootstrap's 95 % intervals of the fitted law's parameters and modulus beside."""
+    """Return the table with the bootstrap's 95 % intervals of the fitted law's parameters and modulus added."""
     drawn = bootstrap_samples(curves, fit, replicates, SEED, workers)
     moduli = np.array([fit.family.law(theta).youngs_modulus * 1e3 for theta in drawn.theta])
     quantities = dict(zip((n.removesuffix("_kPa") for n in fit.family.parameters), drawn.parameters.T)) | {
@@ -274,17 +274,18 @@ def _cut_short(tests: list[MaterialTest], curves: list[MeanCurve]) -> list[str]:
     """Return where samples went much further than the range that all of them reached, which alone is fitted."""
     said = []
     for curve in (c for c in curves if c.component == "1" and c.test != "biaxial"):
-        alike = [t for t in tests if t.test == curve.test]
-        rest = alike[0].at_rest
+        same_test = [t for t in tests if t.test == curve.test]
+        rest = same_test[0].at_rest
         reached, fitted = (
-            max(np.abs(x - rest).max() for x in xs) for xs in ([t.stretch for t in alike], [curve.stretch])
+            max(np.abs(x - rest).max() for x in xs)
+            for xs in ([t.stretch for t in same_test], [curve.stretch])
         )
         if fitted < FITTED_SHARE * reached:
             low, high = curve.stretch[[0, -1]]
             said.append(
-                f"{curve.test}: fitted between {alike[0].abscissa} {low:.3g} and {high:.3g}, where all {len(alike)} samples"
-                f" were measured; single ones reach a strain of {reached:.3g}: give samples of other ranges a material"
-                " of their own to use the rest"
+                f"{curve.test}: fitted between {same_test[0].abscissa} {low:.3g} and {high:.3g}, where all {len(same_test)}"
+                f" samples were measured; single ones reach a strain of {reached:.3g}: give samples of other ranges a"
+                " material of their own to use the rest"
             )
     return said
 

@@ -21,12 +21,41 @@ LAYER_POINTS, TRANSFORM_POINTS, TRANSFORM_END = 64, 400, 25.0
 
 # ------------------------------------------------------------------------------------------------ elastic constants
 def poissons_ratio(bulk_to_shear: float) -> float:
-    """Return Poisson's ratio nu = (3 K - 2 mu) / (2 (3 K + mu)) of K/mu."""
+    """Return Poisson's ratio nu = (3 K - 2 mu) / (2 (3 K + mu)).
+
+    Parameters
+    ----------
+    bulk_to_shear : float
+        K/mu.
+
+    Returns
+    -------
+    float
+        Below 1/2.
+
+    Examples
+    --------
+    >>> round(poissons_ratio(1000.0), 4)
+    0.4995
+    """
     return (3 * bulk_to_shear - 2) / (2 * (3 * bulk_to_shear + 1))
 
 
 def contact_modulus(shear_modulus: float, nu: float) -> float:
-    """Return E* = E / (1 - nu^2) = 2 mu / (1 - nu) [MPa]."""
+    """Return the contact modulus E* = E / (1 - nu^2) = 2 mu / (1 - nu) of a rigid indenter.
+
+    Parameters
+    ----------
+    shear_modulus : float
+        mu [MPa].
+    nu : float
+        Poisson's ratio.
+
+    Returns
+    -------
+    float
+        [MPa].
+    """
     return 2 * shear_modulus / (1 - nu)
 
 
@@ -41,10 +70,22 @@ class PressedSurface:
 
 
 def hertz(depth: float, radius: float, modulus: float) -> PressedSurface:
-    """Return the indentation of a half space, F = 4/3 E* sqrt(R) depth^(3/2), a = sqrt(R depth) (Hertz 1882; Johnson 1985,
-    4.2).
+    """Return a ball pressed into a half space: F = 4/3 E* sqrt(R) depth^(3/2), a = sqrt(R depth) (Hertz 1882; Johnson
+    1985, 4.2).
 
-    depth and radius R [mm], modulus E* [MPa].
+    Parameters
+    ----------
+    depth : float
+        [mm].
+    radius : float
+        R [mm].
+    modulus : float
+        E* [MPa].
+
+    Returns
+    -------
+    PressedSurface
+        Depth [mm], force [N] and contact radius [mm].
     """
     return PressedSurface(
         depth, 4 / 3 * modulus * np.sqrt(radius) * depth**1.5, float(np.sqrt(radius * depth))
@@ -185,8 +226,8 @@ def _kernel_0(r: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def _kernel_1(r: np.ndarray, t: np.ndarray) -> np.ndarray:
     rest = ((r - t) / (r + t)) ** 2  # 1 - m
-    whole = (r**2 + t**2) * ellipkm1(rest) - (r + t) ** 2 * ellipe(1 - rest)
-    return whole / (np.pi * r * t * (r + t))
+    numerator = (r**2 + t**2) * ellipkm1(rest) - (r + t) ** 2 * ellipe(1 - rest)
+    return numerator / (np.pi * r * t * (r + t))
 
 
 _KERNELS = (_kernel_0, _kernel_1)
@@ -223,8 +264,8 @@ def cattaneo_mindlin(
     Mindlin 1949; Johnson 1985, eqs. 7.42). The normal pressure is taken not to feel the shear, which is exact at nu = 1/2,
     and the slip to point along the shift, which is not: its part across it, of some nu / (4 - 2 nu), is left out.
     """
-    whole = sliding_shift(normal_force, contact_radius, friction, shear_modulus, nu)
-    left = max(1 - shift / whole, 0.0) ** 1.5  # 1 - Q / mu P
+    sliding = sliding_shift(normal_force, contact_radius, friction, shear_modulus, nu)
+    left = max(1 - shift / sliding, 0.0) ** 1.5  # 1 - Q / mu P
     return PartialSlip(friction * normal_force * (1 - left), contact_radius * left ** (1 / 3))
 
 

@@ -24,6 +24,7 @@ from gelforge.mechanics.meshes.mesh import Mesh, Sizes, Surface
 from gelforge.meshing.solids import Solids, area, enclosed_volume
 from gelforge.meshing.tetwild import tetrahedralize
 
+# Volumes, surfaces and shapes of meshed bodies (tests/meshing/test_tetrahedra.py):
 EDGE_PER_NODE_DISTANCE = 2.0  # a quadratic tetrahedron has a node at the middle of each edge
 STEEP = (
     0.1  # a face whose outward normal has a smaller vertical component is a side: it has no place in the bins
@@ -31,7 +32,7 @@ STEEP = (
 # The envelope cuts edges off by slivers that look anywhere: a node of which less than this share looks up lies on a side.
 SLIVER = 0.1
 ASTRAY = 5  # times sizes.stray: the mesher and a dome's coarse draft together move a node by less than half of this
-ON_BASE = 2  # times sizes.stray: the mesh's edge around the base may lie this much beside the surface's
+ON_BASE = 2  # times sizes.stray: the mesh's edge around the base may lie this much next to the surface's
 # Of each surface and of what it encloses, in the default envelope; in proportion in a wider one, as companions have.
 AREA_TOLERANCE, VOLUME_TOLERANCE = 0.01, 0.005
 LEAST_JACOBIAN = 0.2  # of the straight element's: below this an edge's middle stays on the straight edge
@@ -83,7 +84,7 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
 
 
 def _thickness(solids: Solids, points: np.ndarray) -> np.ndarray:
-    """Return the thickness (n,) [mm] of the outermost solid around points: skin and wall; beside it a larger number.
+    """Return the thickness (n,) [mm] of the outermost solid around points: skin and wall; next to it a larger number.
 
     It is the distance to the outer surface and that to the nearest inner one. Both vanish on the base, which holds the
     wall: it bends most at its root, where elements as wide as the wall are too stiff.
@@ -141,10 +142,10 @@ def _check(X, elements, inside, solids: Solids, wider: float) -> None:
     """Refuse a mesh whose surfaces are not the given ones within the tolerances, times wider."""
     volumes = element_gradient(X, elements)[1].sum(axis=1)
     for k, (name, surface) in enumerate(zip(solids.names, solids.surfaces)):
-        found = lumped_area(X, faces_between(elements, inside[:, k])).sum()
+        meshed = lumped_area(X, faces_between(elements, inside[:, k])).sum()
         for quantity, value, given, tolerance in (
             ("volume", volumes[inside[:, k]].sum(), enclosed_volume(surface), VOLUME_TOLERANCE),
-            ("surface", found, area(surface), AREA_TOLERANCE),
+            ("surface", meshed, area(surface), AREA_TOLERANCE),
         ):
             if abs(value / given - 1) > wider * tolerance:
                 raise MeshingError(

@@ -27,7 +27,7 @@ SEED = 5489
 RANDOM_READ = b"_ZNSt13random_device9_M_getvalEv"  # std::random_device::operator() of libstdc++
 # The mean quality at which fTetWild stops improving, its own default (Hu et al. 2020).
 STOP_ENERGY = 10.0
-SAID = 200  # characters of the mesher's last words that a message repeats
+SAID = 200  # characters of the mesher's last words that a message repeats (no result depends on it)
 GRID = 40  # intervals of the sizing field along the longest side
 
 

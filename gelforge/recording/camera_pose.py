@@ -15,6 +15,7 @@ from gelforge.recording.optics.camera import CameraError, image_axes, project
 from gelforge.recording.optics.expansion import centre_of_expansion
 from gelforge.recording.readings import Recording, at_commanded_depth
 
+# Poses of drawn presses and their errors: `python benchmarks/cameras.py`:
 LEAST_POSITIONS = 4  # three determine the four unknowns twice over only with a fourth's residual
 LEAST_WIDTH = 0.1  # spread of the positions across their line, over that along it
 MOST_PRESSES = 40
@@ -31,17 +32,28 @@ class Pose:
     sd: np.ndarray  # (4,) x, y, z [mm], turn about z [deg]; z is 0 for a flat scale, which has none
     rms_px: float
     places_mm: np.ndarray  # (P, 2)
-    centres_px: np.ndarray  # (P, 2)
-    residual_px: np.ndarray  # (P, 2)
     left_out: dict[str, str]
     per_tilt_mm: float  # by how much a tilt of 1 deg that is not known moves the position found
     per_tilt_px: float  # and by how much it changes the residual, which could show it
 
 
 def particle_plane_mm(sensor: Sensor) -> float:
-    """Return the mean height [mm, sensor frame] of the particles: layers by thickness and volume share.
+    """Return the mean height of the particles: layers by thickness and volume share.
 
-    Raises CameraError for a sensor whose layers carry none.
+    Parameters
+    ----------
+    sensor : Sensor
+        Layers with `particle_volume_fraction` carry particles.
+
+    Returns
+    -------
+    float
+        z [mm] in the sensor frame; 0 is the top surface, negative is below.
+
+    Raises
+    ------
+    CameraError
+        For a sensor whose layers carry none.
     """
     z, weights, heights = -sensor.height_mm, [], []
     for layer in sensor.layers:
@@ -94,12 +106,33 @@ def press_centres(recording: Recording, camera: Camera) -> tuple[list[str], np.n
 def fit_pose(
     camera: Camera, names: list[str], places: np.ndarray, centres: np.ndarray, plane_z_mm: float
 ) -> Pose:
-    """Return the camera's pose by indentations at places (P, 2) [mm] seen at centres (P, 2) [px] on the plane z =
-    plane_z_mm.
+    """Return a camera's pose by indentations that it shows on a horizontal plane.
 
-    Fitted: position x, y, z and the turn about z. Held: the tilts about x and y, which at one height look like a shift, and
-    everything of the lens. Only the distance from the plane to the pinhole shows: z is wrong by what plane_z_mm is.
-    Raises CameraError for fewer than 4 positions, positions on a line, and images mirrored otherwise than described.
+    Fitted are the position and the turn about z. Held are the tilts about x and y, which at one height look like a shift,
+    and everything of the lens. Only the distance from the plane to the pinhole shows: z is wrong by what plane_z_mm is.
+
+    Parameters
+    ----------
+    camera : Camera
+        Its lens, and the pose from which the fit starts.
+    names : list of str
+        P names of the indentations, for what is left out.
+    places : numpy.ndarray
+        (P, 2) [mm] in the sensor frame.
+    centres : numpy.ndarray
+        (P, 2) [px] at which they are seen.
+    plane_z_mm : float
+        Height of the plane in the sensor frame.
+
+    Returns
+    -------
+    Pose
+        Camera, standard deviations, error [px], and indentations left out.
+
+    Raises
+    ------
+    CameraError
+        For fewer than 4 positions, positions on a line, and images mirrored otherwise than described.
     """
     _check_places(places)
     kept, left_out = np.ones(len(places), bool), {}
@@ -113,7 +146,7 @@ def fit_pose(
         kept = ~far
         _check_places(places[kept])
         fitted = _fit(camera, places[kept], centres[kept], plane_z_mm)
-    found, residual, J = fitted
+    posed, residual, J = fitted
     free = max(residual.size - J.shape[1], 1)
     covariance = np.linalg.inv(J.T @ J) * float((residual**2).sum()) / free
     sd = np.zeros(4)
@@ -123,11 +156,9 @@ def fit_pose(
     rotation = camera.rotation_deg
     tilted = camera.model_copy(update={"rotation_deg": [rotation[0] + 1, *rotation[1:]]})
     other, its, _ = _fit(tilted, places[kept], centres[kept], plane_z_mm)
-    moved = np.linalg.norm(np.subtract(other.position_mm, found.position_mm))
+    moved = np.linalg.norm(np.subtract(other.position_mm, posed.position_mm))
     rms = [float(np.sqrt((r**2).sum(axis=1).mean())) for r in (residual, its)]
-    return Pose(
-        found, sd, rms[0], places[kept], centres[kept], residual, left_out, float(moved), abs(rms[1] - rms[0])
-    )
+    return Pose(posed, sd, rms[0], places[kept], left_out, float(moved), abs(rms[1] - rms[0]))
 
 
 def _check_places(places: np.ndarray) -> None:
@@ -162,10 +193,10 @@ def _fit(
 
     upper = [np.inf, np.inf, np.inf] if flat else [np.inf, np.inf, highest, np.inf]
     first = start[[0, 1, 3]] if flat else np.minimum(start, [np.inf, np.inf, highest - 0.1, np.inf])
-    found = least_squares(
+    solution = least_squares(
         lambda p: (project(posed(p), points)[0] - centres).ravel(), first, bounds=(-np.inf, upper), xtol=1e-12
     )
-    return posed(found.x), found.fun.reshape(-1, 2), found.jac
+    return posed(solution.x), solution.fun.reshape(-1, 2), solution.jac
 
 
 def _start(camera: Camera, places: np.ndarray, centres: np.ndarray, z: float) -> np.ndarray:

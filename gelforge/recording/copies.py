@@ -13,6 +13,7 @@ from gelforge.files import file_sha256
 from gelforge.recording.imaging.images import image_path
 from gelforge.recording.tables.checks import RecordingError
 
+# Copies of a recording are found, and like ones are none (tests/recording/test_copies.py):
 SAME_SHARE = 0.5  # of the smaller session's readings at depth
 # compared, of readings that are equal: coarse readings of two sessions may agree, their images do not
 IMAGES = 5

@@ -34,7 +34,7 @@ from gelforge.recording.readings import Recording, raw_digest, sample_rows
 from gelforge.recording.tables.checks import before_shear
 
 FORMAT = "gelforge-features-1"
-BATCH = 64  # images in memory at a time
+BATCH = 64  # images in memory at a time (no result depends on it)
 OF_ANY_IMAGE = {"image_readable", "image_content", "image_exposure"}  # tests that compare no motions
 
 # name: (unit, description), N images
@@ -70,13 +70,27 @@ DATASETS = {
 
 
 def flow_features(flow: np.ndarray, regions: int, moved_px: float, scale: float = 1.0) -> np.ndarray:
-    """Return m mean magnitudes [px], then m directions [rad in (-pi, pi]] of a flow (H, W, 2), float32.
+    """Return the features of a flow: mean magnitude and direction of each region.
 
-    The flow is in pixels of images reduced to a scale; magnitudes and moved_px are in pixels of the image before.
+    The image has regions x regions = m equal parts; a pixel on a border counts in both by its area. The direction of a
+    region is atan2 of the mean sine and the mean cosine over its pixels that moved more than moved_px (u to the right, v
+    down), 0 where none did.
 
-    The image has regions x regions = m equal parts; a pixel on a border counts in both by its area. The direction of
-    a region is atan2 of the mean sine and the mean cosine over its pixels that moved more than moved_px (u right,
-    v down), 0 where none did.
+    Parameters
+    ----------
+    flow : numpy.ndarray
+        (H, W, 2) [px] of images reduced to `scale`.
+    regions : int
+        Along each side.
+    moved_px : float
+        In pixels of the image before it was reduced.
+    scale : float
+        Share of its size to which the image was reduced.
+
+    Returns
+    -------
+    numpy.ndarray
+        (2 m) float32: m magnitudes [px of the image before], then m directions [rad in (-pi, pi]].
     """
     rows, columns = _pixel_shares(flow.shape[0], regions), _pixel_shares(flow.shape[1], regions)
     sums = _region_sums(flow, regions, np.float32(moved_px * scale), *rows, *columns)  # (r, r, 3)
@@ -154,11 +168,33 @@ class FlowFeatures:
 
 
 def session_features(recording: Recording, settings: Features, out: str | Path, workers: int = 1) -> int:
-    """Write the features of a recording's zero, load and dwell images to an HDF5 file; return how many there are.
+    """Write the features of a recording's zero, load and dwell images to an HDF5 file.
 
-    Images are read, reduced and written in batches, so that memory does not grow with the session; the result does
-    not depend on the number of worker threads. Images that a test of the session excludes are left out. Raises ImageError
-    naming the image, RecordingError where the images as a whole cannot be true.
+    Images are read, reduced and written in batches: memory does not grow with the session. The result does not depend on
+    the number of workers. Images that a test of the session excludes are left out.
+
+    Parameters
+    ----------
+    recording : Recording
+        As `read_recording` returns it.
+    settings : Features
+        Regions, flow and scale of the study.
+    out : str or Path
+        The file.
+    workers : int
+        Threads.
+
+    Returns
+    -------
+    int
+        Number of images.
+
+    Raises
+    ------
+    ImageError
+        For a session without images, and for an image that cannot be decoded.
+    RecordingError
+        Where the images as a whole cannot be true.
     """
     if workers > 1:
         cv2.setNumThreads(1)  # one image per thread is faster than several threads on one image
@@ -177,9 +213,9 @@ def session_features(recording: Recording, settings: Features, out: str | Path, 
         measures: list[Measures] = []
         with Progress(f"images of session {recording.session.session}", len(rows)) as progress:
             for batch in _features_in_batches(recording, settings, rows, workers):
-                vectors, found = zip(*batch)
+                vectors, measured = zip(*batch)
                 feature[len(measures) : len(measures) + len(vectors)] = np.stack(vectors)
-                measures += found
+                measures += measured
                 progress.advance(len(batch))
         table = add_measures(rows.assign(run=0), measures)
         table["flow_lost"] = table.groupby(["press", "phase"], sort=False)["flow_lost"].ffill()
@@ -201,9 +237,11 @@ def judge_all(recording: Recording, table: pd.DataFrame, scale: float) -> Findin
     session = recording.session
     reference = read_as(picture_of(session, scale), reference_path(recording.folder))
     loading = table[before_shear(table) & (table["phase"] != "unload")]
-    whole, series = (series_of(rows, reference, seen_by(session)) for rows in (table, loading))
-    found = [f for name, test in IMAGE_TESTS.items() for f in test(whole if name in OF_ANY_IMAGE else series)]
-    judged = collect(session.session, [*found, *flow_lost_of(whole.shown)], session.confirmed)
+    every, series = (series_of(rows, reference, seen_by(session)) for rows in (table, loading))
+    findings = [
+        f for name, test in IMAGE_TESTS.items() for f in test(every if name in OF_ANY_IMAGE else series)
+    ]
+    judged = collect(session.session, [*findings, *flow_lost_of(every.shown)], session.confirmed)
     refuse(recording.folder, judged)
     return judged
 

@@ -72,7 +72,7 @@ def _no_session(folder: Path) -> str:
     if not folder.is_dir():
         what = "a file" if folder.exists() else "no such folder"
         return f"{folder}: {what}; name a session's folder, with session.yaml and indentations.csv in it"
-    below = sorted(found.parent.name for found in folder.glob("*/session.yaml"))
+    below = sorted(file.parent.name for file in folder.glob("*/session.yaml"))
     other = f"name one of the sessions in this folder ({', '.join(below[:5])}), or " if below else ""
     return f"{folder / 'session.yaml'}: missing; {other}describe the session (see docs/file-formats.md)"
 
@@ -80,12 +80,31 @@ def _no_session(folder: Path) -> str:
 def read_recording(
     folder: str | Path, cells: Mapping[str, PlannedCell] | None = None, sensor: Sensor | None = None
 ) -> Recording:
-    """Return a checked session: positions in the sensor frame, forces on the sensor, zero subtracted, indentations joined.
+    """Return a checked session: positions in the sensor frame, forces on the sensor, zero subtracted, indentations joined
+    to sites.
 
-    Indentations join the planned sites by position and depth (`cells_of_presses`). Without sites the column `cell` stays as
-    recorded; without a sensor positions are not checked against its outline. Images are checked for presence, size
-    and completeness from their headers; a sample is decoded and tested with the session as a whole. Raises
-    RecordingError naming file, row, value and remedy.
+    Images are checked for presence, size and completeness from their headers. A sample of them is decoded and tested with
+    the session as a whole.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The session's folder, with session.yaml and indentations.csv; it has the session's name.
+    cells : mapping of str to PlannedCell, optional
+        Planned sites, joined by position and depth (`cells_of_presses`). Without them the column `cell` stays as
+        recorded.
+    sensor : Sensor, optional
+        Positions are checked against its outline.
+
+    Returns
+    -------
+    Recording
+        Session, readings (one row per reading, forces in N, positions in mm) and findings.
+
+    Raises
+    ------
+    RecordingError
+        For a session that cannot be true; the message names file, row, value and remedy.
     """
     folder = Path(folder)
     if not (folder / "session.yaml").is_file():
@@ -131,7 +150,20 @@ def read_recording(
 
 
 def force_on_sensor(raw: np.ndarray, force: ForceSensor) -> np.ndarray:
-    """Return recorded forces (N, 3) [N] as force on the sensor in the sensor frame; on the indenter it is opposite."""
+    """Return recorded forces as the force on the sensor, in the sensor frame.
+
+    Parameters
+    ----------
+    raw : numpy.ndarray
+        (N, 3) [N] along the axes of the force sensor.
+    force : ForceSensor
+        Its axes in the sensor frame, and the body that it measures the force on.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N, 3) [N]; opposite where the force on the indenter is measured.
+    """
     sign = -1.0 if force.acts_on == "indenter" else 1.0
     return sign * raw @ np.asarray(force.axes, dtype=float).T
 
@@ -167,7 +199,18 @@ def sample_rows(recording: Recording) -> pd.DataFrame:
 
 
 def raw_digest(folder: str | Path) -> str:
-    """Return the digest of a session's description and tables; its images are not among them."""
+    """Return the digest of a session's description and tables, without its images.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The session's folder.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits; tables that are not there do not count.
+    """
     files = [Path(folder) / name for name in ("session.yaml", "indentations.csv", "ft.csv")]
     return digest({path.name: file_sha256(path) for path in files if path.is_file()})
 
@@ -193,9 +236,9 @@ def read_readings(path: str | Path) -> pd.DataFrame:
 
 def _read_table(path: Path, ft: Path) -> pd.DataFrame:
     """Return indentations.csv with every column of the format; forces may be absent where ft.csv holds them."""
-    beside = os.path.lexists(ft)  # a pipe or a dangling link is refused where it is read
-    force_needed = () if beside else FORCE
-    force_optional = FORCE if beside else ()
+    has_log = os.path.lexists(ft)  # a pipe or a dangling link is refused where it is read
+    force_needed = () if has_log else FORCE
+    force_optional = FORCE if has_log else ()
     return read_csv(
         path,
         numbers=["order", "time_s", "x_mm", "y_mm", *force_needed],
@@ -208,7 +251,7 @@ def _read_table(path: Path, ft: Path) -> pd.DataFrame:
 def _raw_force(
     table: pd.DataFrame, folder: Path, session: Session
 ) -> tuple[np.ndarray, ForceLog | None, list[Finding]]:
-    """Return the forces as recorded (N, 3) [N], from ft.csv where it stands beside the table, NaN in its gaps."""
+    """Return the forces as recorded (N, 3) [N], from ft.csv where it stands next to the table, NaN in its gaps."""
     path = folder / "ft.csv"
     if not os.path.lexists(path):
         return table[FORCE].to_numpy(), None, []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +22,19 @@ from gelforge.report.verdict.mismatch_reader import JudgedReadings
 Content = dict[str, Any]
 
 
-def write_calibration_page(folder: str | Path, written: datetime | None = None) -> Path:
-    """Write report.html beside calibration.json and readings.csv in a folder; return its path."""
+def write_calibration_page(folder: str | Path) -> Path:
+    """Write the page of a calibration.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Holds calibration.json and readings.csv.
+
+    Returns
+    -------
+    Path
+        report.html in the folder.
+    """
     folder = Path(folder)
     content = read_product_json(folder / CALIBRATION, "run `gelforge calibrate` again")
     readings = read_table(folder, READINGS, content["tables"])
@@ -32,7 +42,7 @@ def write_calibration_page(folder: str | Path, written: datetime | None = None) 
     chapters = [in_short(content), curves(readings), residuals(readings), apart(content), origin(content)]
     head = {key: content[key] for key in ("title", "synthetic")}
     sentence = "; ".join(_value(one) for one in content["parameters"])
-    return write_page(folder / PAGE, "calibration.html", chapters, written, sentence=sentence, **head)
+    return write_page(folder / PAGE, "calibration.html", chapters, sentence=sentence, **head)
 
 
 def _value(one: Content) -> str:
@@ -132,9 +142,9 @@ def site_figure(readings: pd.DataFrame) -> Figure:
 
 def apart(content: Content) -> Chapter:
     """Return the correlations of the parameters."""
-    chapter, found = Chapter("apart", "Which parameters can be distinguished"), content["correlation"]
-    table = pd.DataFrame(np.round(found["matrix"], 3), columns=found["names"])
-    table.insert(0, "parameter", found["names"])
+    chapter, correlation = Chapter("apart", "Which parameters can be distinguished"), content["correlation"]
+    table = pd.DataFrame(np.round(correlation["matrix"], 3), columns=correlation["names"])
+    table.insert(0, "parameter", correlation["names"])
     chapter.tabulate(
         "Correlation of the errors of two parameters; ±1: the presses see one combination of them alone.",
         table,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 
 from gelforge.mismatch.result.verdict import PAGE
@@ -12,10 +11,21 @@ from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import STATES
 
 
-def write_mismatch_page(folder: str | Path, written: datetime | None = None) -> Path:
-    """Write report.html beside verdict.json, readings.csv and body_map.csv (if made) in a folder; return its path."""
+def write_mismatch_page(folder: str | Path) -> Path:
+    """Write the page of a verdict.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Holds verdict.json, readings.csv and, if made, body_map.csv.
+
+    Returns
+    -------
+    Path
+        report.html in the folder.
+    """
     results = MismatchResults(Path(folder))
     chapters = [make(results) for make in CHAPTERS]
     verdict = results.verdict
     head = {"verdict": verdict, "state": STATES[verdict.state]}
-    return write_page(Path(folder) / PAGE, "mismatch.html", chapters, written, **head)
+    return write_page(Path(folder) / PAGE, "mismatch.html", chapters, **head)

@@ -54,11 +54,28 @@ def write_report(
     paper_folder: str | Path | None = None,
     written: datetime | None = None,
 ) -> list[str]:
-    """Write the report of a study from what its stages left in results_folder; return what is missing.
+    """Write the report of a study from what its stages left.
 
-    paper_folder holds the article's numbers (force_depth.csv, paper_tables.json); None where the study is not the
-    article's. The page is one file: figures are embedded, and it needs no network. The checks of the finite elements have a
-    page of their own in the same folder. Nothing is recomputed; a part whose files are not there is named in its place.
+    The page is one file: figures are embedded, and it needs no network. The checks of the finite elements have a page of
+    their own in the same folder. Nothing is recomputed; a part whose files are not there is named in its place.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    results_folder : str or Path
+        results/<study>.
+    out_html : str or Path
+        The page.
+    paper_folder : str or Path, optional
+        The article's numbers (force_depth.csv, paper_tables.json), where the study is the article's.
+    written : datetime, optional
+        The time that the page states; None for the present.
+
+    Returns
+    -------
+    list of str
+        What is missing.
     """
     out_html, written = Path(out_html), written or datetime.now(UTC)
     results = StudyResults(study, Path(results_folder), None if paper_folder is None else Path(paper_folder))

@@ -22,9 +22,9 @@ Part = tuple[str, list[tuple[str, str, str]]]  # a sentence, rows of the table
 def result(results: StudyResults) -> Chapter:
     """Return the result: labels, network, agreement with the force sensor, verdict, and which sites are missing."""
     chapter = Chapter("result", "The result")
-    found = {name: make(results) for name, make in PARTS.items()}
-    parts = [part for part in found.values() if part]
-    absent = [name for name, part in found.items() if part is None]
+    made = {name: make(results) for name, make in PARTS.items()}
+    parts = [part for part in made.values() if part]
+    absent = [name for name, part in made.items() if part is None]
     chapter.say(" ".join([*(sentence for sentence, _ in parts), _sites(results, absent)]))
     if rows := [row for _, rows in parts for row in rows]:
         chapter.tabulate(
@@ -49,15 +49,15 @@ def _labels(results: StudyResults) -> Part | None:
 def _network(results: StudyResults) -> Part | None:
     """Return the network's errors on held-out sites, by bin and in total, with those of the best baseline."""
     baselines = results.table("baselines")
-    found = None if baselines is None else beside_baselines(baselines)
-    if baselines is None or found is None:
+    standing = None if baselines is None else beside_baselines(baselines)
+    if baselines is None or standing is None:
         return None
-    own, best, name = found
+    network, best, name = standing
     totals = baselines.set_index("predictor")["total_Fz_rms_N"]
     own_total, best_total = (newtons(float(totals[predictor])) for predictor in ("network", name))
-    times = f"{best / own:.2g} times less" if own < best else f"{own / best:.2g} times more"
+    times = f"{best / network:.2g} times less" if network < best else f"{network / best:.2g} times more"
     rows = [
-        ("error of the network per pressed bin", millinewtons(own), f"{name}: {millinewtons(best)}"),
+        ("error of the network per pressed bin", millinewtons(network), f"{name}: {millinewtons(best)}"),
         ("error of the network in total", own_total, f"{name}: {best_total}"),
     ]
     return (

@@ -31,8 +31,8 @@ class DrawnPress:
 
     def bins(self, sensor: Sensor) -> np.ndarray:
         """Return the force of each bin (B, 3) [N]."""
-        found = self.forces.binned(self.place, sensor)[0].reshape(-1, 6)
-        return found[:, :3] + found[:, 3:]
+        forces = self.forces.binned(self.place, sensor)[0].reshape(-1, 6)
+        return forces[:, :3] + forces[:, 3:]
 
 
 def merged(parts: Sequence[tuple[float, NodalForces]]) -> NodalForces:

@@ -12,6 +12,8 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.planning.plan import check_inside
 
 PATH = "path"  # beginning of the names of drawn paths
+
+# What networks trained on such draws err by: `python benchmarks/transfer.py`:
 TRIES = 200  # until one fits the sensor
 SHEAR_STEP_MM, TILT_STEP_DEG, TWIST_STEP_DEG = 0.2, 1.0, 2.0  # friction is followed step by step
 PAIR_RADIUS_MM = (2.0, 3.0)
@@ -31,20 +33,67 @@ class Solution:
 
 
 def solution_count(study: Study) -> int:
-    """Return how many presses a study's synthesis solves: sites first, then paths."""
+    """Return how many indentations a study's synthesis solves: sites first, then paths.
+
+    Parameters
+    ----------
+    study : Study
+        With `synthesis`.
+
+    Returns
+    -------
+    int
+        Numbers from 0 up to it are those of `solution`.
+
+    Raises
+    ------
+    ConfigError
+        For a study without `synthesis`.
+    """
     return len(site_places(study)) + given(study.synthesis, "synthesis").paths
 
 
 def shard_count(study: Study) -> int:
-    """Return how many files the training rows of a study are written to."""
+    """Return how many files the training rows of a study are written to.
+
+    Parameters
+    ----------
+    study : Study
+        With `synthesis`.
+
+    Returns
+    -------
+    int
+        At least 1.
+
+    Raises
+    ------
+    ConfigError
+        For a study without `synthesis`.
+    """
     synthesis = given(study.synthesis, "synthesis")
     return math.ceil(synthesis.rows / synthesis.rows_per_shard)
 
 
 def solution(study: Study, number: int) -> Solution:
-    """Return the press of a number; the same for the same study, seed and number.
+    """Return the solved indentation of a number; the same for the same study, seed and number.
 
-    Raises ConfigError where no draw fits the sensor, or a site is too deep for it.
+    Parameters
+    ----------
+    study : Study
+        With `synthesis`.
+    number : int
+        From 0, below `solution_count`.
+
+    Returns
+    -------
+    Solution
+        Study and planned site.
+
+    Raises
+    ------
+    ConfigError
+        Where no draw fits the sensor, or a site is too deep for it.
     """
     places = site_places(study)
     return (
@@ -55,9 +104,22 @@ def solution(study: Study, number: int) -> Solution:
 
 
 def site_places(study: Study) -> np.ndarray:
-    """Return the places (n, 2) [mm] of the solved sites: denser towards the walls; of mirror images, one.
+    """Return the positions of the solved sites: denser towards the walls; of mirror images, one.
 
-    Places are none where no straight press is asked for.
+    Parameters
+    ----------
+    study : Study
+        With `synthesis`.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, 2) [mm] in the sensor frame; n is 0 where no straight indentation is required.
+
+    Raises
+    ------
+    ConfigError
+        For a study without `synthesis`.
     """
     synthesis, sensor = given(study.synthesis, "synthesis"), study.sensor
     if not (synthesis.classes.straight or synthesis.classes.light):
@@ -68,13 +130,13 @@ def site_places(study: Study) -> np.ndarray:
         for w in (sensor.width_x_mm, sensor.width_y_mm)
     ]
     if study.has_symmetry_of_square:
-        found = [(x, y) for i, y in enumerate(half[1]) for x in half[0][: i + 1]]
+        places = [(x, y) for i, y in enumerate(half[1]) for x in half[0][: i + 1]]
     else:
         lines = [
             np.concatenate([h, w - h[-2::-1]]) for h, w in zip(half, (sensor.width_x_mm, sensor.width_y_mm))
         ]
-        found = [(x, y) for y in lines[1] for x in lines[0]]
-    return np.round(np.array(found), 4)
+        places = [(x, y) for y in lines[1] for x in lines[0]]
+    return np.round(np.array(places), 4)
 
 
 def _site(study: Study, place: np.ndarray, number: int) -> Solution:

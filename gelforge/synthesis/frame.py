@@ -15,14 +15,11 @@ from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.sensor.symmetry import D4
 from gelforge.virtual_lab.particles import VirtualLabError, dots_box, gel_boxes, interpolation
 
-# Half width, over the sensor's height, of the part that moves with the indenter (benchmarks/synthesis.py prints the
-# errors).
-CORE_HEIGHTS = 0.5
-# A quarter of a millimetre in the article's sensor: a fifth of the depth at which its particles begin
-# (benchmarks/synthesis.py prints the errors).
+# `python benchmarks/synthesis.py` prints the errors of rows that are made so:
+CORE_HEIGHTS = 0.5  # half width, over the sensor's height, of the part that moves with the indenter
+# A quarter of a millimetre in the article's sensor: a fifth of the depth at which its particles begin.
 CORE_INTERVALS = 24
-# To each wall, finer towards the indenter (benchmarks/synthesis.py prints the errors).
-OUTER_INTERVALS = 11
+OUTER_INTERVALS = 11  # to each wall, finer towards the indenter
 OUTER_POWER = 1.5
 HEIGHTS = 13
 # Dots lie on one plane, near the contact's edge, where displacement changes within a fraction of a millimetre.

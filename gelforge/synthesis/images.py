@@ -17,9 +17,23 @@ from gelforge.virtual_lab.particles import place_particles
 def series_features(
     study: Study, presses: Iterable[DrawnPress], serial: str, rng: np.random.Generator
 ) -> Iterator[np.ndarray]:
-    """Yield the features (2 m) of the untouched sensor and of each press, seen in one image series.
+    """Yield the features of the untouched sensor and of each indentation, seen in one image series. No image is kept.
 
-    No image is kept. serial: that of the sensor, which places its particles; rng draws camera, light and noise.
+    Parameters
+    ----------
+    study : Study
+        With `synthesis` and features.
+    presses : iterable of DrawnPress
+        With the motion of the gel.
+    serial : str
+        Of the sensor; it places the particles.
+    rng : numpy.random.Generator
+        Draws camera, light and noise.
+
+    Yields
+    ------
+    numpy.ndarray
+        (2 m) float32, as `flow_features` returns it.
     """
     synthesis = given(study.synthesis, "synthesis")
     particles = place_particles(synthesis.particles, study.sensor, serial)

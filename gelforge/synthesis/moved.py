@@ -38,7 +38,7 @@ class MovedPresses:
         The study whose sensor is pressed.
     cells : sequence of Cell
         The solved paths with the gel's displacement; those without a solved step are left out.
-    own : sequence of bool
+    same_indenter : sequence of bool
         Of each path, whether the study's own indenter presses.
     straight : StraightPresses, optional
         Straight presses of the study's own indenter, which know the walls; without them moved presses stay as solved.
@@ -48,13 +48,13 @@ class MovedPresses:
         self,
         study: Study,
         cells: Sequence[Cell],
-        own: Sequence[bool],
+        same_indenter: Sequence[bool],
         straight: StraightPresses | None = None,
     ):
         self.sensor, self.straight = study.sensor, straight
         self.frame = MovingFrame(study.sensor, given(study.synthesis, "synthesis").particles)
         kept = [k for k, cell in enumerate(cells) if len(cell.arrays["depth_mm"])]
-        self.cells, self.own = [cells[k] for k in kept], [own[k] for k in kept]
+        self.cells, self.own = [cells[k] for k in kept], [same_indenter[k] for k in kept]
         self._forces = [NodalForces.of(cell) for cell in self.cells]
         # a turned edge must not reach over a side
         self._reach = [np.linalg.norm(forces.offset_mm, axis=1).max(initial=0.0) for forces in self._forces]

@@ -29,7 +29,21 @@ LIGHT_SHARE = 0.2  # of the deepest depth: light presses, whose depths are drawn
 
 
 def solve(one: Solution, laws: dict) -> Cell:
-    """Return a solution's press, solved on the mesh of labels, with the gel's displacement and without error bars."""
+    """Return an indentation of the synthesis, solved on the mesh of labels, with the gel's displacement and without error
+    bars.
+
+    Parameters
+    ----------
+    one : Solution
+        As `solution` returns it.
+    laws : dict of str to PrincipalLaw
+        By material [MPa].
+
+    Returns
+    -------
+    Cell
+        Forces [N] and displacements [mm]; `converged` is False where a depth was not reached.
+    """
     return simulate_cell(one.study, laws, one.planned)
 
 

@@ -49,12 +49,12 @@ class StraightPresses:
 
     def _with_images(self, places: np.ndarray) -> list[tuple[int, str, np.ndarray]]:
         """Return number, symmetry and place of every site and of its mirror images, each place once."""
-        found: dict[tuple, tuple[int, str, np.ndarray]] = {}
+        images: dict[tuple, tuple[int, str, np.ndarray]] = {}
         for number, place in enumerate(places):
             for name in D4 if self.symmetric else ("identity",):
                 image = transform_points(name, place, self.sensor.width_x_mm)
-                found.setdefault(tuple(np.round(image, 4)), (number, name, image))
-        return list(found.values())
+                images.setdefault(tuple(np.round(image, 4)), (number, name, image))
+        return list(images.values())
 
     @cached_property
     def _mirrored(self) -> list[NodalForces]:

@@ -34,9 +34,10 @@ from gelforge.verification.presses import (
     half_space,
 )
 
+# The problems whose errors docs/verification.md compares with their limits:
 FRICTION = 0.3  # any would do: the references hold for each
 DEPTH = 0.01  # mm: a contact radius of 1 mm
-FAR = 2.0  # mm: friction is set beside the normal force that is found
+FAR = 2.0  # mm: friction is compared with the normal force that results
 
 
 def partial_slip() -> list[Check]:
@@ -64,8 +65,8 @@ def partial_slip() -> list[Check]:
     ring = np.floor(r[r < a - 1 / PER_RADIUS] * PER_RADIUS).astype(int)
     inside, weight = r < a - 1 / PER_RADIUS, np.bincount(ring)
     expected = cattaneo_mindlin_traction(r[inside], a, known.stick_radius, N, FRICTION)
-    found = state.friction_force[inside, 0] / press.area[inside]
-    error = np.bincount(ring, found - expected) / np.maximum(weight, 1)
+    traction = state.friction_force[inside, 0] / press.area[inside]
+    error = np.bincount(ring, traction - expected) / np.maximum(weight, 1)
     off = np.sqrt(np.average(error**2, weights=weight)) / expected.max()
     name, source = "ball moved sideways by 4/5 of its slip", "Cattaneo 1938, Mindlin 1949"
     return [
@@ -152,7 +153,7 @@ def _sheared_block(friction: float) -> tuple[float, State]:
 
 
 def frictionless_slide() -> list[Check]:
-    """Return the drag on a ball drawn over a frictionless surface, and its force beside the slope of the energy.
+    """Return the drag on a ball drawn over a frictionless surface, and its force next to the slope of the energy.
 
     Drawn over the middle of a block by one element the ball ends where the mesh looks the same: no work is done.
     """

@@ -22,12 +22,11 @@ from gelforge.mechanics.meshes.elements import ELEMENTS, Element, quadratic_tetr
 from gelforge.mechanics.meshes.mesh import Block, Mesh, Sizes, layered_block
 
 AMPLITUDE = 0.08  # mm on a cube of 1 mm: strains of 0.25
-PRESSURE = 0.3  # over mu
+PRESSURE = 0.3  # over mu: any would do, and 0.3 is of the size of the stresses of AMPLITUDE
 LAW = Ogden((0.02, 0.001), (1.3, 4.0))
 KUHN = [
     (0, a, b, 6) for a, b in [(1, 2), (2, 3), (3, 7), (7, 4), (4, 5), (5, 1)]
 ]  # six tetrahedra of a hexahedron
-MESHES = ("even", "hanging nodes", "quadratic tetrahedra")
 
 Field = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # u, F, added pressure over mu
 
@@ -68,9 +67,10 @@ class Errors:
 
 
 def cube(n: int, kind: str = "even") -> Mesh:
-    """Return a cube of 1 mm held on its boundary, n elements a side, of one of MESHES.
+    """Return a cube of 1 mm held on its boundary, n elements a side.
 
-    With hanging nodes the elements are halved in a ball at the middle of the top; tetrahedra are six to a hexahedron.
+    kind: even; hanging nodes, where elements are halved in a ball at the middle of the top; or quadratic tetrahedra,
+    six to a hexahedron.
     """
     near = 1 / (2 * n) if kind == "hanging nodes" else 1 / n
     sizes = Sizes(near=near, near_radius=0.3, growth=1.0, far=1 / n)

@@ -30,6 +30,8 @@ NU = poissons_ratio(BULK_TO_SHEAR)
 RADIUS = (
     100.0  # mm: at a contact radius of 1 mm the strains are some 0.01, and a ball is a paraboloid to 1e-4
 )
+
+# The problems whose errors docs/verification.md compares with their limits:
 PER_RADIUS = 8  # elements over the contact radius
 
 
@@ -226,7 +228,7 @@ def augmentation_independence() -> list[Check]:
 
 
 def energy_and_cycle() -> list[Check]:
-    """Return d(energy)/d(depth) beside the force, and how well an elastic cycle closes, without friction."""
+    """Return d(energy)/d(depth) next to the force, and how well an elastic cycle closes, without friction."""
     press = sensor_press(settings=FRICTIONLESS)
     depth, h = (
         0.805,

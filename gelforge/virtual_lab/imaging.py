@@ -16,7 +16,7 @@ FADE = 0.35  # share of brightness lost from the nearest to the farthest particl
 GREY_OF_RGB = np.array(
     [0.299, 0.587, 0.114]
 )  # the reader's: OpenCV's grey of red, green and blue (ITU-R BT.601)
-SLABS = 8  # of equal height in which particles are blurred alike where the optics have a plane in focus
+SLABS = 8  # of equal height in which particles are blurred equally where the optics have a plane in focus
 
 
 def picture(
@@ -54,11 +54,28 @@ def _with_levels(imaging: VirtualImaging, background: float, particle: float) ->
 def draw(
     camera: Camera, imaging: VirtualImaging, centres: np.ndarray, diameter_mm: float, flat: bool = False
 ) -> np.ndarray:
-    """Return the noise-free image (H, W) float32 in grey levels of balls at centres (P, 3) [mm] in the sensor frame.
+    """Return the noise-free image of balls.
 
-    A ball appears as a disc of radius f d / (2 Z), or as lens and port enlarge it there, whose border is smoothed over one
-    pixel (coverage by distance), shaded as a matt ball lit from the camera; nearer discs cover farther ones. Flat: dots of
-    one grey level, however far.
+    A ball appears as a disc of radius f d / (2 Z), or as lens and port enlarge it there. Its border is smoothed over one
+    pixel (coverage by distance), and it is shaded as a matt ball lit from the camera. Nearer discs cover farther ones.
+
+    Parameters
+    ----------
+    camera : Camera
+        With its pose in the sensor frame.
+    imaging : VirtualImaging
+        Grey levels, blur, light and focus.
+    centres : numpy.ndarray
+        (P, 3) [mm] in the sensor frame.
+    diameter_mm : float
+        Of the balls.
+    flat : bool
+        Dots of one grey level, however far.
+
+    Returns
+    -------
+    numpy.ndarray
+        (H, W) float32 in grey levels.
     """
     pixels, distance, radius = discs(camera, centres, diameter_mm)
     far_first = np.argsort(-distance, kind="stable")
@@ -92,7 +109,20 @@ def discs(
 
 
 def focused(imaging: VirtualImaging, particles: np.ndarray) -> VirtualImaging:
-    """Return the settings with the lens set to the mean height of the undeformed particles (P, 3), unless it is given."""
+    """Return the settings with the lens set to the mean height of the undeformed particles, unless it is given.
+
+    Parameters
+    ----------
+    imaging : VirtualImaging
+        Stays as it is.
+    particles : numpy.ndarray
+        (P, 3) [mm] in the sensor frame.
+
+    Returns
+    -------
+    VirtualImaging
+        With `focus_z_mm`, where defocus counts.
+    """
     if imaging.focus_z_mm is not None or not imaging.defocus_px_per_mm:
         return imaging
     return imaging.model_copy(update={"focus_z_mm": float(particles[:, 2].mean())})
@@ -150,7 +180,24 @@ def _paint(image, pixels, radius, brightness, ambient):
 def expose(
     image: np.ndarray, imaging: VirtualImaging, rng: np.random.Generator, exposure: float = 1.0
 ) -> np.ndarray:
-    """Return an 8-bit image (H, W[, 3]) of a noise-free one at an exposure over the usual one, with new sensor noise."""
+    """Return an 8-bit image of a noise-free one, with new sensor noise.
+
+    Parameters
+    ----------
+    image : numpy.ndarray
+        (H, W) or (H, W, 3) in grey levels.
+    imaging : VirtualImaging
+        Its noise, in grey levels.
+    rng : numpy.random.Generator
+        Draws the noise.
+    exposure : float
+        Over the usual one.
+
+    Returns
+    -------
+    numpy.ndarray
+        uint8, of the image's shape.
+    """
     bright = image if exposure == 1.0 else image * np.float32(exposure)
     noisy = bright + imaging.noise_grey * rng.standard_normal(image.shape, dtype=np.float32)
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)

@@ -29,9 +29,17 @@ def serial_seed(serial: str) -> int:
 
 
 def gel_boxes(sensor: Sensor) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the lowest and highest corner (3,) [mm] of each layer that the camera sees move.
+    """Return the boxes of the layers that the camera sees move; the wall surrounds every layer but the top one.
 
-    The wall surrounds every layer but the top one.
+    Parameters
+    ----------
+    sensor : Sensor
+        A block.
+
+    Returns
+    -------
+    list of (numpy.ndarray, numpy.ndarray)
+        Lowest and highest corner (3,) [mm] of each layer, from the base up.
     """
     boxes, base = [], -sensor.height_mm
     for number, layer in enumerate(sensor.layers):
@@ -45,7 +53,25 @@ def gel_boxes(sensor: Sensor) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def dots_box(dots: PrintedDots, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corners (3,) [mm] of the layer in which dots are printed; on a border between two, of the upper one."""
+    """Return the box of the layer in which dots are printed; on a border between two, of the upper one.
+
+    Parameters
+    ----------
+    dots : PrintedDots
+        Their depth [mm] below the top surface.
+    sensor : Sensor
+        A block.
+
+    Returns
+    -------
+    (numpy.ndarray, numpy.ndarray)
+        Lowest and highest corner (3,) [mm].
+
+    Raises
+    ------
+    VirtualLabError
+        For dots in none of the layers that the camera sees.
+    """
     for low, high in reversed(gel_boxes(sensor)):
         if low[2] <= -dots.depth_mm <= high[2]:
             return low, high
@@ -64,10 +90,29 @@ def mean_height(particles: VirtualParticles, sensor: Sensor) -> float:
 
 
 def place_particles(particles: VirtualParticles, sensor: Sensor, serial: str) -> np.ndarray:
-    """Return the centres (P, 3) [mm] of particles or dots, seeded by the serial.
+    """Return the centres of particles or printed dots.
 
-    Particles lie wholly inside the gel and do not overlap. Random sequential addition: uniform candidates, each refused that
-    overlaps an earlier particle. Dots lie on a square grid, shifted and turned as drawn.
+    Particles lie wholly inside the gel and do not overlap (random sequential addition). Dots lie on a square grid, shifted
+    and turned as drawn.
+
+    Parameters
+    ----------
+    particles : VirtualParticles
+        Diameter [mm] and volume fraction, or dots.
+    sensor : Sensor
+        Layers with their volume fraction of particles.
+    serial : str
+        Of the sensor; it seeds the draw.
+
+    Returns
+    -------
+    numpy.ndarray
+        (P, 3) [mm] in the sensor frame.
+
+    Raises
+    ------
+    VirtualLabError
+        For a sensor without particles and dots, a layer thinner than a particle, and dots closer than their diameter.
     """
     rng = np.random.default_rng(serial_seed(serial))
     if particles.dots:
@@ -121,10 +166,28 @@ def _fill(
 
 
 def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) -> csr_array:
-    """Return the trilinear weights (P, G) of nodes (G, 3) at points (P, 3) inside axis-aligned hexahedra (E, 8).
+    """Return trilinear weights of nodes at points inside axis-aligned hexahedra.
 
-    The elements may have any order and any size and leave holes, but each must be a box along the axes. Raises
-    VirtualLabError for a mesh of others, and for a point in no element.
+    The elements may have any order and any size and leave holes, but each must be a box along the axes.
+
+    Parameters
+    ----------
+    nodes : numpy.ndarray
+        (G, 3) [mm].
+    hexahedra : numpy.ndarray
+        (E, 8) int, rows of nodes.
+    points : numpy.ndarray
+        (P, 3) [mm].
+
+    Returns
+    -------
+    scipy.sparse.csr_array
+        (P, G); each row sums to 1.
+
+    Raises
+    ------
+    VirtualLabError
+        For a mesh of other elements, and for a point in no element.
     """
     nodes = np.asarray(nodes, dtype=float)
     corners = nodes[hexahedra]  # (E, 8, 3)
@@ -140,26 +203,30 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
         )
     element = np.full([len(a) - 1 for a in axes], -1)  # of each interval of the grid of all node coordinates
     for span in np.unique(last - first, axis=0):
-        own = np.flatnonzero((last - first == span).all(axis=1))
+        matching = np.flatnonzero((last - first == span).all(axis=1))
         for step in np.ndindex(*span):
-            element[tuple((first[own] + step).T)] = own
+            element[tuple((first[matching] + step).T)] = matching
     place = [np.searchsorted(a, points[:, k], side="right") - 1 for k, a in enumerate(axes)]
     place = [
         np.where(np.abs(points[:, k] - a[-1]) <= SAME_MM, len(a) - 2, p)
         for k, (a, p) in enumerate(zip(axes, place))
     ]
     inside = np.all([(p >= 0) & (p < len(a) - 1) for a, p in zip(axes, place)], axis=0)
-    found = np.where(inside, element[tuple(np.where(inside, p, 0) for p in place)], -1)
-    if (found < 0).any():
+    containing = np.where(inside, element[tuple(np.where(inside, p, 0) for p in place)], -1)
+    if (containing < 0).any():
         raise VirtualLabError(
-            f"particle at {np.round(points[found.argmin()], 4)} mm lies in no element of the gel; "
+            f"particle at {np.round(points[containing.argmin()], 4)} mm lies in no element of the gel; "
             "the site was solved with another sensor"
         )
-    xi = (points - low[found]) / (high[found] - low[found])  # (P, 3) in [0, 1]
-    at_high = corners[found] - low[found][:, None] > 0.5 * (high[found] - low[found])[:, None]  # (P, 8, 3)
+    xi = (points - low[containing]) / (high[containing] - low[containing])  # (P, 3) in [0, 1]
+    at_high = (
+        corners[containing] - low[containing][:, None] > 0.5 * (high[containing] - low[containing])[:, None]
+    )  # (P, 8, 3)
     weights = np.where(at_high, xi[:, None], 1 - xi[:, None]).prod(axis=2)  # (P, 8)
     rows = np.repeat(np.arange(len(points)), 8)
-    return csr_array((weights.ravel(), (rows, hexahedra[found].ravel())), shape=(len(points), len(nodes)))
+    return csr_array(
+        (weights.ravel(), (rows, hexahedra[containing].ravel())), shape=(len(points), len(nodes))
+    )
 
 
 def _distinct(values: np.ndarray, tolerance: float) -> np.ndarray:

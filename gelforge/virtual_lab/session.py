@@ -92,7 +92,15 @@ class Bench:
 
 
 def session_cells(lab: VirtualLab, cells: Mapping[str, PlannedCell]) -> dict[str, list[str]]:
-    """Return the sites that each session visits: disjoint, all covered, by share, drawn by the sensor's serial."""
+    """Return the names of the sites that each session visits, in the order of the plan: disjoint, all covered, by share.
+
+    Parameters
+    ----------
+    lab : VirtualLab
+        Its sessions and their shares; the sensor's serial seeds the draw.
+    cells : mapping of str to PlannedCell
+        Sites of the plan.
+    """
     names = np.array(list(cells), dtype=object)
     order = np.random.default_rng(serial_seed(lab.serial)).permutation(len(names))
     shares = np.cumsum([session.share for session in lab.sessions])

@@ -64,13 +64,13 @@ def true_presses(
         motion = true_motion(cell, cells[name], particles, study.sensor.width_x_mm)
         bins = true_bins(cell, cells[name], study.sensor.bins.nx)
         for session, press, _ in presses:
-            lab_session, own = made[session, press]
-            deeper_mm, _ = drawn_contact_point(lab, lab_session, own)
-            depth_mm = max(own.depth_mm + deeper_mm, 0.0)
+            lab_session, motions = made[session, press]
+            deeper_mm, _ = drawn_contact_point(lab, lab_session, motions)
+            depth_mm = max(motions.depth_mm + deeper_mm, 0.0)
             flow = view.flow(particles + motion.displacement(depth_mm))
             feature = flow_features(flow, study.features.regions, study.features.moved_px)
             force = bins(depth_mm)
-            yield (session, press), TruePress(feature, force, force - bins(own.depth_mm))
+            yield (session, press), TruePress(feature, force, force - bins(motions.depth_mm))
 
 
 def _made_presses(

@@ -12,23 +12,39 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.models.ogden import Ogden
 from gelforge.virtual_lab.particles import VirtualLabError
 
-KPA = 1e-3  # MPa
-
 
 def true_laws(study: Study, lab: VirtualLab) -> dict[str, PrincipalLaw]:
     """Return the laws of the virtual sensor by layer [MPa]: those of its coupons times the concealed factor."""
     laws: dict[str, PrincipalLaw] = {}
     for layer in study.sensor.layers:
         coupon = lab.materials[layer.material]
-        factor = KPA * lab.stiffness_scale.get(layer.name, 1.0)
+        factor = 1e-3 * lab.stiffness_scale.get(layer.name, 1.0)
         laws[layer.name] = Ogden(tuple(factor * mu for mu in coupon.ogden_mu_kPa), tuple(coupon.alpha))
     return laws
 
 
 def simulate_truth_cell(study: Study, lab: VirtualLab, planned: PlannedCell) -> Cell:
-    """Return the site of the virtual sensor, gel displacement included.
+    """Return the site of the virtual sensor, gel displacement included: after the plan's depths it is unloaded, a path is
+    followed as planned.
 
-    After the plan's depths it is unloaded; a path is followed as planned.
+    Parameters
+    ----------
+    study : Study
+        Sensor and indenter.
+    lab : VirtualLab
+        The true mechanics.
+    planned : PlannedCell
+        The site.
+
+    Returns
+    -------
+    Cell
+        SYNTHETIC forces [N] and displacements [mm].
+
+    Raises
+    ------
+    VirtualLabError
+        For a site that cannot be recorded.
     """
     check_recordable(planned)
     trajectory = Trajectory.of(planned) if planned.follows_a_path else _down_and_up(lab, planned)

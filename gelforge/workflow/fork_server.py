@@ -44,6 +44,8 @@ IMPORTS = {
 }
 NOBODY = "-"  # no address
 USAGE = struct.Struct("dd")  # CPU seconds and memory [MB], as a fork tells its job
+
+# Budgets of the server, on which no result depends:
 GRACE_S = 4.0  # that a job has to end after Ctrl-C; compiled code may not look up for longer
 COLLECT_S = 1.0  # how often forks that have ended are collected
 OPEN = 128  # jobs that may wait while the server loads
@@ -136,13 +138,13 @@ def _keep_usage(address: str, usage: bytes) -> None:
 
 def _read(connection: socket.socket, count: int) -> bytes:
     """Return so many bytes; none where the other end has closed before."""
-    found = b""
-    while len(found) < count:
-        part = connection.recv(count - len(found))
+    received = b""
+    while len(received) < count:
+        part = connection.recv(count - len(received))
         if not part:
             return b""
-        found += part
-    return found
+        received += part
+    return received
 
 
 # ------------------------------------------------------------------------------------------- the forking process

@@ -19,7 +19,7 @@ from typing import Any
 from snakemake_interface_executor_plugins.utils import format_cli_value
 
 PING = ["scontrol", "ping"]
-PATIENCE_S = 10  # between two questions whether the controller is back
+PATIENCE_S = 10  # between two questions whether the controller is back (no result depends on it)
 
 
 def make_patient(executor: Any, minutes: Callable[[float, int], int]) -> None:
@@ -63,9 +63,9 @@ def make_patient(executor: Any, minutes: Callable[[float, int], int]) -> None:
 def ask_for_group(job, minutes: Callable[[float, int], int]) -> None:
     """Set the time of a group of jobs, where all of them say how long they compute."""
     cores = job.resources["_cores"]  # also adds up Snakemake's way, once; those of the widest layer
-    each = [member.resources.get("cpu_ms") for member in job.jobs]
-    if all(isinstance(value, int) for value in each):
-        job._resources["runtime"] = minutes((sum(each) / max(cores, 1) + max(each)) / 1000, job.attempt)
+    cpu_ms = [member.resources.get("cpu_ms") for member in job.jobs]
+    if all(isinstance(value, int) for value in cpu_ms):
+        job._resources["runtime"] = minutes((sum(cpu_ms) / max(cores, 1) + max(cpu_ms)) / 1000, job.attempt)
 
 
 def wait_for_controller(logger) -> None:

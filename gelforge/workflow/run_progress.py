@@ -56,6 +56,8 @@ OF_EACH_ROUND = (
     "Finished jobid",
     "DAG of jobs will be",
 )
+
+# How progress is drawn, on which no result depends:
 WIDTH = 24  # of the bar
 REWRITTEN_S = 0.2  # on a terminal
 SAID_S = 60.0  # in a log

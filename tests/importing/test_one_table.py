@@ -127,7 +127,7 @@ def test_the_scatter_of_the_stage_is_not_that_of_the_noise(stage_mm):
     rng = np.random.default_rng(0)
     travel = rng.normal(0, np.hypot(stage_mm, 0.1), 400)
     points = [Contact(t, t - 1.96 * 0.1, t + 1.96 * 0.1, 0.0, 1.0, 1.5) for t in travel]
-    presses = Presses(tuple(SimpleNamespace(contact=point) for point in points), (), (), np.zeros(0), 0.0)
+    presses = Presses(tuple(SimpleNamespace(contact=point) for point in points), (), (), np.zeros(0))
     keys = _depth_zero(SimpleNamespace(depth_zero="session"), presses)
     assert keys["press_scatter_mm"] == pytest.approx(stage_mm, abs=0.04)
     assert keys["session_scatter_mm"] == pytest.approx(travel.std() / 20, rel=0.01)

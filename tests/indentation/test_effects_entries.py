@@ -302,7 +302,7 @@ def test_the_catalogue_says_what_a_reader_needs():
     families = {"material", "history", "contact", "geometry", "kinematics"}
     for name, effect in CATALOGUE.items():
         assert effect.name == name and effect.family in families
-        assert effect.parameter and effect.unit and effect.enters and effect.width > 0
+        assert effect.parameter and effect.unit and effect.width > 0
     with pytest.raises(ValueError, match="on .1. or off .0."):
         CATALOGUE["frictionless"](study(), 0.5)
 

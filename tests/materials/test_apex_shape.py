@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from synthetic_pictures.membrane_views import MembraneFilm, silhouette
+from synthetic_pictures.speckle import Camera
 
 from gelforge.materials.imaging.apex_shape import SilhouetteError, apex_shape, flat_row_px
-from gelforge.virtual_lab.membrane_views import MembraneFilm, silhouette
-from gelforge.virtual_lab.speckle import Camera
 
 SHAPE = (360, 400)
 

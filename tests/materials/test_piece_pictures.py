@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from synthetic_pictures.membrane_views import MembraneFilm
+from synthetic_pictures.speckle import TensileFilm
 
 from gelforge.csv_table import TableError
 from gelforge.materials.readers.material_tests import declared_synthetic, input_files, read_material_tests
-from gelforge.virtual_lab.membrane_views import MembraneFilm
-from gelforge.virtual_lab.speckle import TensileFilm
 
 MU = 0.03  # MPa, neo-Hookean truth
 WIDTH, H0 = 10.0, 0.5  # mm

@@ -5,6 +5,8 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 from shared_data import SHARED, needs_shared
+from synthetic_pictures.membrane_views import MembraneFilm
+from synthetic_pictures.speckle import Camera, Speckle, TensileFilm
 
 from gelforge.materials.imaging.plane_stretch import principal_stretches_2d
 from gelforge.materials.imaging.stretch_tracking import (
@@ -16,8 +18,6 @@ from gelforge.materials.imaging.stretch_tracking import (
     textured_window,
     track_stretches,
 )
-from gelforge.virtual_lab.membrane_views import MembraneFilm
-from gelforge.virtual_lab.speckle import Camera, Speckle, TensileFilm
 
 TO_REACH = 0.005  # of both stretches, at every frame (issue: local stretch from pictures)
 DRIFTING = Camera(gain_drift=-0.3, gradient_drift=0.3, offset_drift_grey=15)
@@ -42,7 +42,7 @@ def test_both_stretches_hold_at_every_frame_to_three(name):
     assert track.lost == ()
     assert np.abs(errors(film, track)).max() < TO_REACH
     if film.slip:  # what the clamps say is wrong by far more than the tracker may be
-        assert film.clamp_stretch[-1] / film.stretch[-1] - 1 > 20 * TO_REACH
+        assert film.slipped[-1] > 20 * TO_REACH
     where = film.points(track.window_px[:2] + np.array(track.window_px[2:]) / 2, 100)
     assert np.linalg.norm(track.centre_px[-1] - where) < 0.5  # px: the centre is the same material point
     # with ink that stays, every frame is compared with the first one; with ink that goes, with later key frames

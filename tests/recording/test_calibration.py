@@ -6,13 +6,13 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
+from synthetic_pictures.boards import BoardCamera, poses
 
 from gelforge.cli import main
 from gelforge.config import Camera, load_camera
 from gelforge.recording.optics.boards import Board, CalibrationError, View, Views, find_boards
 from gelforge.recording.optics.calibration import calibrate, coverage, intrinsics_sd
 from gelforge.recording.optics.camera import project, unproject
-from gelforge.virtual_lab.boards import BoardCamera, poses
 
 SIZE = {"width_px": 320, "height_px": 240, "centre_px": [164.0, 117.0], "position_mm": [0, 0, 0]}
 LENS = {"coefficients": [-0.25, 0.08, 1e-3, -8e-4, 0.0]}

@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-
-from gelforge.virtual_lab.speckle import TensileFilm
+from synthetic_pictures.speckle import TensileFilm
 
 OWN = ("--configfile", "config/own.yaml")
 LAW = "results/test/materials/ecoflex_gel/law.json"

@@ -195,7 +195,7 @@ rule tables:
             "learning/judging/evaluation.py",
             "learning/judging/predictions.py",
             "learning/models/reliability.py",
-            "files.py",
+            "files",
         ),
     shell:
         "{GELFORGE:q} tables --study {STUDY_FILE:q} &> {log:q}"

@@ -22,7 +22,7 @@ def characterise_command(
 ) -> None:
     """Write the results of each material in folders or files; print what was chosen, why, and what was measured.
 
-    laws: names with commas between; bootstrap: refits for the intervals beside the sandwich covariance, 0 for none.
+    laws: names with commas between; bootstrap: refits for the intervals next to the sandwich covariance, 0 for none.
     """
     names = [name.strip() for name in laws.split(",") if name.strip()]
     keys = {"laws": names, "choose": choose, "loss": loss, "bootstrap": bootstrap}

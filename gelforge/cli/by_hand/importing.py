@@ -27,7 +27,7 @@ from gelforge.report.figures.measurements.import_figure import import_figure
 def import_command(mapping: Path, out: Path, study: Path | None = None, data: Path | None = None) -> None:
     """Write the session folder `out` from the logs that a mapping describes; print what was found.
 
-    The folder appears when it is whole and its session is accepted; of one that is refused only the page is left, beside it.
+    The folder appears when it is whole and its session is accepted. Of one that is refused only the page is left.
     study: the YAML file of a study that is to read the session (gelforge/cli/study/add_session.py). data: folder of the
     logs, None: the mapping's.
     """
@@ -132,7 +132,7 @@ def import_set(layout: str, source: Path, out: Path, columns: list[str], unit: s
 
 def lines(imported: Imported) -> list[str]:
     """Return what was found, a line each."""
-    found = imported.contacts
+    points = imported.contacts
     out = [
         f"stage      {rows_words(imported.stage)}",
         f"force      {rows_words(imported.force)}: {match_words('force', imported.force_clock)}",
@@ -140,11 +140,11 @@ def lines(imported: Imported) -> list[str]:
     if imported.film:
         film = imported.film
         out.append(f"camera     {len(film.time_s)} frames: {match_words('camera', imported.camera_clock)}")
-    half = (found["contact_high_mm"] - found["contact_low_mm"]) / 2
+    half = (points["contact_high_mm"] - points["contact_low_mm"]) / 2
     out.append(
-        f"presses    {len(found)}, contact at {found['contact_mm'].median():.3f} mm of the stage (scatter"
-        f" {found['contact_mm'].std():.3g} mm, each +- {half.median():.2g} mm), depths {found['depth_mm'].min():.3f} to"
-        f" {found['depth_mm'].max():.3f} mm, forces {found['peak_N'].min():.3g} to {found['peak_N'].max():.3g} N"
+        f"presses    {len(points)}, contact at {points['contact_mm'].median():.3f} mm of the stage (scatter"
+        f" {points['contact_mm'].std():.3g} mm, each +- {half.median():.2g} mm), depths {points['depth_mm'].min():.3f} to"
+        f" {points['depth_mm'].max():.3f} mm, forces {points['peak_N'].min():.3g} to {points['peak_N'].max():.3g} N"
     )
     out += [
         f"left out   press {number} at {at:.1f} s: {why}" for number, at, why in imported.presses.left_out

@@ -12,9 +12,9 @@ from gelforge.progress import Stages
 def mismatch_materials(sources: list[Path], mapping: Path | None, out: Path, seed: int = SEED) -> None:
     """Write verdict.json and material_readings.csv of each material's stress tests and of each press and pair."""
     with Stages("verdict on material tests"):
-        found, reasons = judge_sources(read_sources(sources, mapping), seed)
-    for judged in found:
-        folder = out / judged.name if len(found) > 1 else out
+        effects, reasons = judge_sources(read_sources(sources, mapping), seed)
+    for judged in effects:
+        folder = out / judged.name if len(effects) > 1 else out
         write_judged(folder, judged)
         fit = judged.verdict.fit
         errors = (f"{score.rmse_N[2]:.3g}" for score in (fit.before, fit.after) if score)

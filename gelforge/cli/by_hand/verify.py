@@ -1,4 +1,4 @@
-"""`gelforge verify`: the finite elements beside independent reference solutions."""
+"""`gelforge verify`: the finite elements next to independent reference solutions."""
 
 from __future__ import annotations
 

@@ -27,51 +27,59 @@ def calibrate_camera(
             "--charuco and --marker-mm belong together: the side of the markers in a ChArUco board [mm]"
         )
     described = Board(*board, square_mm, marker_mm, dictionary)
-    found = calibrate(find_boards(folder, described), described, model, largest_rms_px)
-    for line in calibration_lines(found):
+    calibration = calibrate(find_boards(folder, described), described, model, largest_rms_px)
+    for line in calibration_lines(calibration):
         print(line)
-    write_text(out, camera_text(found))
+    write_text(out, camera_text(calibration))
     print(f"written to {out}")
     if report:
         from gelforge.recording.imaging.flow import read_grey
         from gelforge.recording.optics.calibration import without_distortion
         from gelforge.report.figures.measurements.calibration_figure import calibration_figure
 
-        example = read_grey(folder / found.views.seen[0].name)
-        calibration_figure(found, example, without_distortion(found, example)).savefig(report, dpi=110)
+        example = read_grey(folder / calibration.views.seen[0].name)
+        calibration_figure(calibration, example, without_distortion(calibration, example)).savefig(
+            report, dpi=110
+        )
         print(f"picture    {report}")
 
 
-def calibration_lines(found) -> list[str]:
+def calibration_lines(lens) -> list[str]:
     """Return what a calibration found, as lines: images, errors, intrinsics with their standard deviations."""
-    views, worst = found.views, int(found.view_rms_px.argmax())
-    lines = [f"board      {found.board.words}; model {found.model}"]
+    views, worst = lens.views, int(lens.view_rms_px.argmax())
+    lines = [f"board      {lens.board.words}; model {lens.model}"]
     lines.append(f"images     {len(views.seen)} of {len(views.seen) + len(views.left_out)} used")
     lines += [f"left out   {name}: {reason}" for name, reason in views.left_out.items()]
     if views.mirrored is not None:
         lines.append("mirrored   " + ("yes: markers are seen mirrored" if views.mirrored else "no"))
     lines.append(
-        f"error      {found.rms_px:.3f} px rms; worst image {views.seen[worst].name}: {found.view_rms_px[worst]:.3f} px"
+        f"error      {lens.rms_px:.3f} px rms; worst image {views.seen[worst].name}: {lens.view_rms_px[worst]:.3f} px"
     )
     lines.append(
-        f"covered    {found.covered:.0%} of the image; boards up to {found.tilts_deg().max():.0f} deg from their mean"
+        f"covered    {lens.covered:.0%} of the image; boards up to {lens.tilts_deg().max():.0f} deg from their mean"
     )
     from gelforge.config.parts.camera import LENS
 
-    names = ["focal u", "focal v", "centre u", "centre v", *LENS[found.model]]
-    values = [found.K[0, 0], found.K[1, 1], found.K[0, 2], found.K[1, 2], *found.coefficients]
-    for name, value, sd in zip(names, values, found.intrinsics_sd):
+    names = ["focal u", "focal v", "centre u", "centre v", *LENS[lens.model]]
+    values = [
+        lens.K[0, 0],
+        lens.K[1, 1],
+        lens.K[0, 2],
+        lens.K[1, 2],
+        *lens.coefficients,
+    ]
+    for name, value, sd in zip(names, values, lens.intrinsics_sd):
         lines.append(f"{name:10} {value:.6g} +- {sd:.2g}{' px' if ' ' in name else ''}")
     lines.append(
-        f"scale      {1e3 * 10 / found.K[0, 0]:.3g} um/px at 10 mm from the pinhole, in proportion to the distance; "
+        f"scale      {1e3 * 10 / lens.K[0, 0]:.3g} um/px at 10 mm from the pinhole, in proportion to the distance; "
         "`gelforge camera-pose` and `gelforge check` print it at the plane of the particles"
     )
     return lines
 
 
-def camera_text(found) -> str:
+def camera_text(fit) -> str:
     """Return the calibration as YAML: the keys of session.yaml's camera, and what is to be added."""
-    keys, views = found.keys, found.views
+    keys, views = fit.keys, fit.views
     lens = keys["distortion"]
     mirrored = (
         "true # or false: a checkerboard does not show it"
@@ -79,7 +87,7 @@ def camera_text(found) -> str:
         else str(views.mirrored).lower()
     )
     return f"""\
-# {found.board.words}; {len(views.seen)} images, {found.rms_px:.3f} px rms, focal length +- {found.intrinsics_sd[0]:.2g} px.
+# {fit.board.words}; {len(views.seen)} images, {fit.rms_px:.3f} px rms, focal length +- {fit.intrinsics_sd[0]:.2g} px.
 # Paste into session.yaml. It holds for images as recorded at this size, mirrored or not, in this focus.
 camera:
   width_px: {keys["width_px"]}

@@ -53,15 +53,15 @@ def pose_lines(pose, plane_z_mm: float) -> list[str]:
         f"plane      z = {plane_z_mm:g} mm: only the distance from it shows, and that to some 5 % (docs/cameras.md); "
         "standard deviations are of the scatter alone"
     )
-    lines.append(scale_line("scale", camera, plane_z_mm))
+    lines.append(scale_line(camera, plane_z_mm))
     return lines
 
 
-def scale_line(label: str, camera, plane_z_mm: float) -> str:
+def scale_line(camera, plane_z_mm: float) -> str:
     """Return the scale of a camera's image in its middle, and of which plane it is."""
     from gelforge.recording.optics.camera import mm_per_px_at
 
     return (
-        f"{label:10} {mm_per_px_at(camera, plane_z_mm):.4g} mm/px in the image's middle, on the plane z = {plane_z_mm:g} mm "
+        f"scale      {mm_per_px_at(camera, plane_z_mm):.4g} mm/px in the image's middle, on the plane z = {plane_z_mm:g} mm "
         "of the sensor frame"
     )

@@ -46,7 +46,7 @@ def join(study: Path, shard: int, out: Path) -> None:
 
 
 def manifest(study: Path) -> None:
-    """Write manifest, checksums, card and Croissant description beside the shards."""
+    """Write manifest, checksums, card and Croissant description next to the shards."""
     from gelforge.dataset.manifest import describe_dataset
 
     described = load_study(study)
@@ -55,7 +55,7 @@ def manifest(study: Path) -> None:
 
 
 def agreement(study: Path, out: Path) -> None:
-    """Write total forces, simulated beside measured, one row per press."""
+    """Write total forces, simulated next to measured, one row per press."""
     from gelforge.dataset.agreement import agreement_table, write_agreement
     from gelforge.files import digest
     from gelforge.indentation.planning.plan import plan_cells
@@ -66,6 +66,6 @@ def agreement(study: Path, out: Path) -> None:
     cells = {name: cell_path(described, name) for name in planned}
     laws = read_laws(described)
     digests, raw = agreement_inputs(described, laws)
-    own = own_labels(described, planned, laws)
-    table = agreement_table(recorded, cells, own, digests, raw)
+    labels = own_labels(described, planned, laws)
+    table = agreement_table(recorded, cells, labels, digests, raw)
     write_agreement(out, table, digest([digests, raw]))

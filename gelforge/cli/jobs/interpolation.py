@@ -100,8 +100,8 @@ def labels_of(study: Study, cells: dict, read: dict):
         number += 1
     solved = solved_sites(study, cells, decided["solved"], read)
     laws = {name: law.law for name, law in read.items()}
-    own = {name: solved_cell(study, cells, name, laws) for name in decided["themselves"]}
-    return Labels(study, laws, solved, own)
+    themselves = {name: solved_cell(study, cells, name, laws) for name in decided["themselves"]}
+    return Labels(study, laws, solved, themselves)
 
 
 def solved_sites(study: Study, cells: dict, names: list[str], read: dict):
@@ -156,7 +156,7 @@ def read_decision(path: Path) -> dict:
     """Return what a level decided. Raises ConfigError for a file that is missing or not one."""
     from gelforge.files import read_product_json
 
-    found = read_product_json(path, f"decide again (snakemake -R {path})", ConfigError)
-    if not {"solved", "more", "themselves"} <= set(found):
+    decision = read_product_json(path, f"decide again (snakemake -R {path})", ConfigError)
+    if not {"solved", "more", "themselves"} <= set(decision):
         raise ConfigError(f"{path}: not a level's decision; decide again (snakemake -R {path})")
-    return found
+    return decision

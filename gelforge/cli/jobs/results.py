@@ -43,7 +43,7 @@ def tables(study: Path) -> None:
         budget = error_budget_table(predictions)
         if budget is not None:
             write_table(folder, "error_budget", budget)
-        else:  # none of earlier predictions is left beside these
+        else:  # none of earlier predictions is left next to these
             for suffix in ("csv", "md"):
                 (folder / f"error_budget.{suffix}").unlink(missing_ok=True)
             if described.virtual_lab is not None:

@@ -56,16 +56,16 @@ def own_labels(study: Study, cells: dict, laws: dict | None = None) -> dict:
     from gelforge.dataset.session_labels import OwnCells, OwnPresses
     from gelforge.indentation.solving.inputs import inputs_digest
 
-    found: dict[str, OwnPresses | OwnCells] = {}
+    labels: dict[str, OwnPresses | OwnCells] = {}
     for name in study.sessions:
-        own = session_study(study, session_of(study, name))
+        changed = session_study(study, session_of(study, name))
         folder = study.results_folder / "sessions" / name
         if study.mechanics.effects.history.softens:
-            digest = presses_digest(own, laws, session_presses(own, name)) if laws else None
-            found[name] = OwnPresses(folder / "presses.h5", digest)
-        elif own is not study:
+            digest = presses_digest(changed, laws, session_presses(changed, name)) if laws else None
+            labels[name] = OwnPresses(folder / "presses.h5", digest)
+        elif changed is not study:
             files = {cell: folder / "cells" / f"{cell}.h5" for cell in cells}
             solved = {cell: replace(planned, between="") for cell, planned in cells.items()}
-            digests = {cell: inputs_digest(own, laws, solved[cell]) for cell in cells} if laws else {}
-            found[name] = OwnCells(files, digests)
-    return found
+            digests = {cell: inputs_digest(changed, laws, solved[cell]) for cell in cells} if laws else {}
+            labels[name] = OwnCells(files, digests)
+    return labels

@@ -77,17 +77,17 @@ def _name_session(path: Path, study: Study, name: str) -> str:
 def with_session(text: str, wanted: list[str]) -> str | None:
     """Return the text of a study with the last wanted session added to its list; None where there is no such list."""
     last = wanted[-1]
-    if found := FLOW_LIST.search(text):
-        names = found["names"].strip()
+    if match := FLOW_LIST.search(text):
+        names = match["names"].strip()
         return (
-            text[: found.start("names")]
+            text[: match.start("names")]
             + (f"{names}, {last}" if names else last)
-            + text[found.end("names") :]
+            + text[match.end("names") :]
         )
-    if found := BLOCK_LIST.search(text):
-        row = found["rows"].splitlines()[-1]
+    if match := BLOCK_LIST.search(text):
+        row = match["rows"].splitlines()[-1]
         dash = row[: row.index("-")]
-        return text[: found.end("rows")] + f"{dash}- {last}\n" + text[found.end("rows") :]
+        return text[: match.end("rows")] + f"{dash}- {last}\n" + text[match.end("rows") :]
     if re.search(r"^sessions:", text, re.MULTILINE) or len(wanted) > 1:
         return None
     return text.rstrip("\n") + f"\n\nsessions: [{last}]\n"

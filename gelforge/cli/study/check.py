@@ -141,8 +141,8 @@ def check_data(study: Study, cells: dict, missing: list[str], errors: list[str])
             print(f"session    {name}: {'made by the virtual lab, SYNTHETIC' if made else 'incomplete'}")
             continue
         with noted(errors):
-            found, here = check_session(study, name, cells)
-            doubtful, pressed = doubtful + found, pressed | here
+            findings, here = check_session(study, name, cells)
+            doubtful, pressed = doubtful + findings, pressed | here
     print_unnamed(study)
     if not study.virtual_lab:
         with noted(errors):
@@ -155,7 +155,7 @@ def check_data(study: Study, cells: dict, missing: list[str], errors: list[str])
 
 
 def check_session(study: Study, name: str, cells: dict) -> tuple[int, set[str]]:
-    """Read a session, print its counts beside the plan's and what its tests found; return number of findings and cells.
+    """Read a session, print its counts next to the plan's and what its tests found; return number of findings and cells.
 
     Raises RecordingError or ConfigError for one that cannot be right.
     """
@@ -195,7 +195,7 @@ def print_scale(study: Study, name: str, session: Session) -> None:
         plane, of = particle_plane_mm(study.sensor), "the particles' mean"
     except CameraError:
         plane, of = 0.0, "the undeformed top"
-    print(scale_line("scale", seen_by(session), plane) + f" ({of}), session {name}")
+    print(scale_line(seen_by(session), plane) + f" ({of}), session {name}")
 
 
 def pictured_session(study: Study, path: Path) -> Session | None:

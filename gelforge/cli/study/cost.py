@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 MEASURED = Path(__file__).with_name("cell_cost.csv")
 DEPTHS = 8  # of every measured cell
+
+# Estimates of `gelforge check`, on which no result depends; the tables in results/<study>/benchmarks hold what a run
+# took:
 # A press on a sensor that softens, coarse-mesh solution included, measured on the article's sensor with 5556 degrees of
 # freedom: a step takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
 SOFTENING_STEP, GRID_POINT_S = 1.6, 7e-6
@@ -168,8 +171,8 @@ class Costs:
 
     def mismatch(self) -> float:
         """A verdict on all sessions together; positions that are mirror images of one another are solved once."""
-        own = sum(cell.source is None for cell in self.cells.values()) / len(self.cells)
-        positions = math.ceil(own * min(self.study.mismatch.sites, len(self.cells)))
+        unmirrored = sum(cell.source is None for cell in self.cells.values()) / len(self.cells)
+        positions = math.ceil(unmirrored * min(self.study.mismatch.sites, len(self.cells)))
         per_position = VERDICT_CELLS
         if self.study.mismatch.images in ("fitted", "predicted") and any(
             self.images(one)[0] for one in self.study.sessions
@@ -221,8 +224,8 @@ def estimate(study: Study, cells: dict) -> list[str]:
         )
     if study.synthesis:
         seconds += costs.synthesis()
-    own, lines = session_costs(costs)
-    seconds += own
+    of_sessions, lines = session_costs(costs)
+    seconds += of_sessions
     unknowns, surface = costs.mesh
     # float64 forces (two of three components each) and float32 displacement on surface nodes, three sets of bins
     bins = study.sensor.bins.nx * study.sensor.bins.ny
@@ -348,14 +351,14 @@ def mesh_size(study: Study, sizes: Mesh, cell) -> tuple[int, int]:
     return 3 * int((~mesh.hanging).sum()), len(mesh.surface.nodes)
 
 
-def read_costs(path: Path = MEASURED) -> pd.DataFrame:
+def read_costs() -> pd.DataFrame:
     """Return measured cells: kind ("solved" or "mirrored"), degrees_of_freedom, cpu_s."""
     from gelforge.csv_table import read_csv
 
-    return read_csv(path, numbers=("degrees_of_freedom", "cpu_s"), texts=("kind",))
+    return read_csv(MEASURED, numbers=("degrees_of_freedom", "cpu_s"), texts=("kind",))
 
 
-def write_costs(rows: list[tuple[str, int, float]], where: str, path: Path = MEASURED) -> None:
+def write_costs(rows: list[tuple[str, int, float]], where: str) -> None:
     """Write measured cells (kind, degrees of freedom, CPU seconds); where says on which machine, in words."""
     lines = [
         f"# CPU seconds of a cell with {DEPTHS} depths on one thread, by `python benchmarks/cell_cost.py --update`",
@@ -363,7 +366,7 @@ def write_costs(rows: list[tuple[str, int, float]], where: str, path: Path = MEA
         "kind,degrees_of_freedom,cpu_s",
         *(f"{kind},{size},{seconds:.2f}" for kind, size, seconds in rows),
     ]
-    write_text(path, "\n".join(lines) + "\n")
+    write_text(MEASURED, "\n".join(lines) + "\n")
 
 
 def cell_seconds(measured: pd.DataFrame, unknowns: int) -> float:

@@ -58,13 +58,13 @@ def mesh_error_words(study: Study, tested: pd.DataFrame | None = None) -> str:
     name, used = shipped_name(study.sensor), study.mechanics.mesh.used
     if study.sensor.shape.kind == "block" and used.elements == "tetrahedra":
         name = None  # blocks are tested with hexahedra
-    own = tested[
+    same = tested[
         (tested["sensor"] == name)
         & tested["near_mm"].round(3).eq(round(used.near_mm, 3))
         & tested["far_mm"].round(3).eq(round(used.far_mm, 3))
     ]
-    if len(own):
-        error, near = own["error_percent"].max(), reference_mesh(study).near_mm
+    if len(same):
+        error, near = same["error_percent"].max(), reference_mesh(study).near_mm
         return f"Fz within {error:.1f} % of a mesh of {near:g} mm (tested on {name})"
     low, high = tested["error_percent"].min(), tested["error_percent"].max()
     return f"not tested; on shipped sensors Fz within {low:.1f} to {high:.1f} % of a finer mesh"
@@ -72,9 +72,9 @@ def mesh_error_words(study: Study, tested: pd.DataFrame | None = None) -> str:
 
 def reference_mesh(study: Study) -> Mesh:
     """Return the mesh whose forces count as true: half the default sizes of a block, half the study's of other shapes."""
-    own = study.mechanics.mesh
-    radius = max(own.near_radius_mm, Mesh().near_radius_mm)
-    mesh = Mesh(near_radius_mm=radius) if study.sensor.shape.kind == "block" else own
+    given = study.mechanics.mesh
+    radius = max(given.near_radius_mm, Mesh().near_radius_mm)
+    mesh = Mesh(near_radius_mm=radius) if study.sensor.shape.kind == "block" else given
     return mesh.model_copy(update={"quality": "standard"}).coarser(1 / 2)
 
 

@@ -50,10 +50,10 @@ def sensors(name: str | None, out: Path | None) -> None:
             print(f"{sensor:15} {sensor_line(shipped_study(sensor))}")
         print("a study of one: gelforge init mine --sensor NAME; its picture: gelforge sensors NAME")
         return
-    own = name.endswith((".yaml", ".yml"))
-    study = load_study(name) if own else shipped_study(name)
+    is_file = name.endswith((".yaml", ".yml"))
+    study = load_study(name) if is_file else shipped_study(name)
     stem = Path(name).stem
-    with nullcontext() if own else chdir(EXAMPLES):  # surfaces are read from there
+    with nullcontext() if is_file else chdir(EXAMPLES):  # surfaces are read from there
         figure = cross_section(study, stem)
     target = out or Path(f"{stem}.png")
     figure.savefig(target, dpi=100)

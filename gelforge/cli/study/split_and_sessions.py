@@ -11,21 +11,21 @@ def check_split(study: Study, cells: dict) -> int:
 
     split, orbit = planned_split(cells, study.sensor, study.dataset.test_fraction, study.seed)
     tests = sum(side == "test" for side in split.values())
-    found = separation(cells, split, study.sensor)
-    if found is None:
+    gap = separation(cells, split, study.sensor)
+    if gap is None:
         print(f"split      {len(cells)} sites in {len(set(orbit.values()))} groups: none is held out")
         return 0
     print(
-        f"split      {tests} of {len(cells)} sites are held out, {found.smallest_mm:.3g} mm and more from training sites and"
-        f" their mirror images ({found.test_site} from {found.training_site}); usual spacing {found.spacing_mm:.3g} mm"
+        f"split      {tests} of {len(cells)} sites are held out, {gap.smallest_mm:.3g} mm and more from training sites and"
+        f" their mirror images ({gap.test_site} from {gap.training_site}); usual spacing {gap.spacing_mm:.3g} mm"
     )
-    if found.doubtful:
+    if gap.doubtful:
         print(
-            f"note       split: {found.smallest_mm:.3g} mm is below half of the usual spacing: images at {found.test_site}"
-            f" are nearly those of training at {found.training_site}, or mirror images of them. If both were meant to be one"
+            f"note       split: {gap.smallest_mm:.3g} mm is below half of the usual spacing: images at {gap.test_site}"
+            f" are nearly those of training at {gap.training_site}, or mirror images of them. If both were meant to be one"
             " position, state stage_to_sensor.repeatability_mm in session.yaml or plan.tolerance_mm in the study"
         )
-    return int(found.doubtful)
+    return int(gap.doubtful)
 
 
 def unnamed_sessions(study: Study) -> list[str]:

@@ -20,7 +20,7 @@ class RunAlive(ValueError):
 
 
 GONE_S = 60  # Slurm ends a job within its KillWait, 30 s where nobody changed it
-GRACE_S = 10  # a job ended by SIGTERM is gone within its current output write
+GRACE_S = 10  # a job ended by SIGTERM is gone within its current output write (no result depends on it)
 
 
 def unlock() -> None:

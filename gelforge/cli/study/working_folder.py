@@ -53,10 +53,10 @@ def write_examples() -> list[Path]:
     """
     shipped = [path for top in EXAMPLE_FOLDERS for path in sorted((EXAMPLES / top).rglob("*"))]
     shipped.append(EXAMPLES / ABOUT_DATA)
-    found = {path.relative_to(EXAMPLES): path for path in shipped if path.is_file()}
-    found = {to: path for to, path in found.items() if not MADE & set(to.parts)}
-    new = {to: path for to, path in found.items() if not to.exists()}
-    others = [str(to) for to in found if to not in new and to.read_bytes() != found[to].read_bytes()]
+    files = {path.relative_to(EXAMPLES): path for path in shipped if path.is_file()}
+    files = {to: path for to, path in files.items() if not MADE & set(to.parts)}
+    new = {to: path for to, path in files.items() if not to.exists()}
+    others = [str(to) for to in files if to not in new and to.read_bytes() != files[to].read_bytes()]
     if others:
         more = f" and {len(others) - 3} more" if len(others) > 3 else ""
         raise ConfigError(

@@ -30,7 +30,25 @@ Part = TypeVar("Part")
 
 
 def given(part: Part | None, key: str) -> Part:
-    """Return an optional part of a configuration that the caller needs. Raises ConfigError where it is not given."""
+    """Return an optional part of a configuration that the caller needs.
+
+    Parameters
+    ----------
+    part : object or None
+        The part, such as `session.camera`.
+    key : str
+        Its key, for the message.
+
+    Returns
+    -------
+    object
+        The part.
+
+    Raises
+    ------
+    ConfigError
+        Where it is None.
+    """
     if part is None:
         raise ConfigError(f"{key} is required here and not given; add it")
     return part

@@ -1,4 +1,4 @@
-"""Variants: the same indentations under other assumptions, to be shown beside the study's own."""
+"""Variants: the same indentations under other assumptions, to be shown next to the study's own."""
 
 from __future__ import annotations
 
@@ -20,7 +20,25 @@ class Variant(Section):
 
 
 def merged(content: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """Return a mapping with changes; nested mappings are merged, everything else is replaced."""
+    """Return a mapping with changes.
+
+    Parameters
+    ----------
+    content : dict
+        Stays as it is.
+    changes : dict
+        Nested mappings are merged, everything else is replaced.
+
+    Returns
+    -------
+    dict
+        A new mapping.
+
+    Examples
+    --------
+    >>> merged({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}})
+    {'a': {'b': 3, 'c': 2}}
+    """
     result = dict(content)
     for key, value in changes.items():
         nested = isinstance(value, dict) and isinstance(result.get(key), dict)

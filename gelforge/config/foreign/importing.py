@@ -20,11 +20,11 @@ from gelforge.units import UNITS, unit_named
 
 def _known(unit: str, quantity: str, key: str) -> str:
     """Return a unit as UNITS spells it. Raises ValueError unless it is known and belongs to the quantity."""
-    found = unit_named(unit)
-    if found is None or UNITS[found][0] != quantity:
+    known = unit_named(unit)
+    if known is None or UNITS[known][0] != quantity:
         fitting = [name for name, (q, _, _) in UNITS.items() if q == quantity]
         raise ValueError(f"{key}: unit {unit!r} is no {quantity}; one of {fitting}")
-    return found
+    return known
 
 
 class Stamp(Section):
@@ -301,5 +301,21 @@ class ImportMapping(Section):
 
 
 def load_import(path: str | Path) -> ImportMapping:
-    """Return the validated import described by a YAML file."""
+    """Return the mapping that says what the columns of a session's logs mean.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML.
+
+    Returns
+    -------
+    ImportMapping
+        Validated.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key, column or unit.
+    """
     return load_section(path, ImportMapping)

@@ -329,10 +329,42 @@ class Microindentation(Section):
 
 
 def load_microindentation(path: str | Path) -> Microindentation:
-    """Return the validated sidecar of a microindentation."""
+    """Return the settings of a microindentation that a YAML file next to it gives.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    Microindentation
+        Validated: ball radius and thickness [mm].
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key or a value out of range.
+    """
     return load_section(path, Microindentation)
 
 
 def load_mapping(path: str | Path) -> Mapping:
-    """Return the validated mapping described by a YAML file."""
+    """Return the mapping that says what the columns of material tests mean.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML.
+
+    Returns
+    -------
+    Mapping
+        Validated.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key, column or unit.
+    """
     return load_section(path, Mapping)

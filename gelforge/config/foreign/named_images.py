@@ -99,7 +99,23 @@ class NamesMapping(Section):
 
 
 def load_names(path: str | Path) -> NamesMapping | None:
-    """Return the mapping of a folder of images that a YAML file holds; None for a file that describes logs."""
+    """Return the mapping that says what the names of images mean.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML.
+
+    Returns
+    -------
+    NamedImages
+        Validated.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key or a pattern that names no quantity.
+    """
     content = read_yaml(Path(path))
     if not isinstance(content, dict) or "images" not in content:
         return None

@@ -27,9 +27,9 @@ class Distortion(Section):
 
     @model_validator(mode="after")
     def _count(self):
-        names, found = LENS[self.model], len(self.coefficients)
-        if found != len(names) and not (self.model == "pinhole" and found == 4):
-            raise ValueError(f"{found} coefficients; model {self.model} has {', '.join(names)}")
+        names, count = LENS[self.model], len(self.coefficients)
+        if count != len(names) and not (self.model == "pinhole" and count == 4):
+            raise ValueError(f"{count} coefficients; model {self.model} has {', '.join(names)}")
         return self
 
 

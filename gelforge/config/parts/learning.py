@@ -109,8 +109,8 @@ class Learning(Section):
     @classmethod
     def _named_by_its_keys(cls, given):
         """A study from before networks had names means the article's where it says how wide its layers are."""
-        own = [key for key in cls.model_fields if networks_of(key) == ["paper"]]
-        if isinstance(given, dict) and "network" not in given and any(key in given for key in own):
+        keys = [key for key in cls.model_fields if networks_of(key) == ["paper"]]
+        if isinstance(given, dict) and "network" not in given and any(key in given for key in keys):
             return {"network": "paper", **given}
         return given
 

@@ -8,9 +8,24 @@ from gelforge.config.studies.study import Study
 
 
 def session_study(study: Study, session: Session) -> Study:
-    """Return the study at the age and temperature that a session states; the study itself where that changes nothing.
+    """Return the study at the age and temperature that a session states.
 
-    Nothing changes where the study has no rate for what the session states, or states the same itself.
+    Parameters
+    ----------
+    study : Study
+        Stays as it is.
+    session : Session
+        `sensor_age_days` [d] and `temperature_C` [C] count where the study has a rate for them.
+
+    Returns
+    -------
+    Study
+        The study itself where nothing changes.
+
+    Raises
+    ------
+    ConfigError
+        Where the changed study is not valid.
     """
     known = study.mechanics.effects.material.circumstances
     stated = {}

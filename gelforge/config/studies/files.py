@@ -20,8 +20,8 @@ from gelforge.config.sessions.virtual_lab import VirtualLab
 from gelforge.config.studies.study import Study
 from gelforge.input_files import NotAFile, another_kind, read_bytes
 
-LONGEST_REMEDY = 600  # characters: some seven lines of a terminal
-MOST_ERRORS = 5  # that a file is said to have
+LONGEST_REMEDY = 600  # characters: some seven lines of a terminal (no result depends on it)
+MOST_ERRORS = 5  # that a file is said to have (no result depends on it)
 FORMER_KEYS = {  # of earlier files, and what to write in their place
     "touchdown_mm": "contact_point_scatter_mm",
     "scatter_mm": "session_scatter_mm or, where every indentation finds its contact point, press_scatter_mm",
@@ -55,12 +55,12 @@ def _validated(model: type[Section], content: dict[str, Any], source: str, new: 
         lines = []
         for item in error.errors():
             key = ".".join(str(part) for part in item["loc"]) or "(whole file)"
-            found = "" if isinstance(item["input"], dict) else f", found {short(repr(item['input']))}"
+            said = "" if isinstance(item["input"], dict) else f", found {short(repr(item['input']))}"
             unknown = item["type"] == "extra_forbidden"
             remedy = (
                 _unknown_key(model, item["loc"]) if unknown else item["msg"].removeprefix("Value error, ")
             )
-            lines.append(f"{source}: {short(key)}{found}: {short(remedy, LONGEST_REMEDY)}")
+            lines.append(f"{source}: {short(key)}{said}: {short(remedy, LONGEST_REMEDY)}")
         more = len(lines) - MOST_ERRORS
         if more > 0:  # a file of another kind has nothing but errors
             lines = [*lines[:MOST_ERRORS], f"{source}: and {more} errors more; is it a file of this kind?"]
@@ -85,9 +85,9 @@ def _first(content: Any, read: Any, wrong: Callable[[Any, Any], bool]) -> str:
         pairs = ((number, *both) for number, both in enumerate(zip(content, read)))
     else:
         return "." if wrong(content, read) else ""
-    for key, part, own in pairs:
-        if found := _first(part, own, wrong):
-            return f"{key}.{found}".rstrip(".")
+    for key, part, path in pairs:
+        if part_with := _first(part, path, wrong):
+            return f"{key}.{part_with}".rstrip(".")
     return ""
 
 
@@ -134,7 +134,25 @@ def _keys_of(kind: Any, location: tuple[str | int, ...]) -> list[str]:
 
 
 def study_from(content: dict[str, Any], source: str = "config") -> Study:
-    """Return the validated study of a configuration mapping; `sensor` and `indenter` may name YAML files."""
+    """Return the study that a mapping of keys describes.
+
+    Parameters
+    ----------
+    content : dict
+        Keys of a study; `sensor` and `indenter` may name YAML files.
+    source : str
+        What messages call it.
+
+    Returns
+    -------
+    Study
+        Validated, its variants too.
+
+    Raises
+    ------
+    ConfigError
+        As `load_study`.
+    """
     content = dict(content)
     for key in ("sensor", "indenter"):
         if isinstance(content.get(key), str):
@@ -146,7 +164,32 @@ def study_from(content: dict[str, Any], source: str = "config") -> Study:
 
 
 def changed_study(study: Study, changes: dict[str, Any], source: str = "config") -> Study:
-    """Return the study with other keys, checked anew; nested mappings of changes are merged, all else is replaced."""
+    """Return the study with other keys, checked anew.
+
+    Parameters
+    ----------
+    study : Study
+        Stays as it is.
+    changes : dict
+        Keys to change; nested mappings are merged, all else is replaced.
+    source : str
+        What messages call the changes.
+
+    Returns
+    -------
+    Study
+        The changed study, its variants checked with it.
+
+    Raises
+    ------
+    ConfigError
+        Where the changed keys are out of range or contradict others.
+
+    Examples
+    --------
+    >>> changed_study(study, {"mechanics": {"friction": 0.5}}).mechanics.friction
+    0.5
+    """
     content = merged(study.model_dump(mode="json"), changes)
     changed = _validated(Study, content, source, changes)
     for name in changed.variants:
@@ -155,7 +198,27 @@ def changed_study(study: Study, changes: dict[str, Any], source: str = "config")
 
 
 def variant_study(study: Study, name: str, source: str = "config") -> Study:
-    """Return the study as a variant changes it, without variants of its own."""
+    """Return the study as one of its variants changes it.
+
+    Parameters
+    ----------
+    study : Study
+        Stays as it is.
+    name : str
+        A key of `study.variants`.
+    source : str
+        What messages call the study.
+
+    Returns
+    -------
+    Study
+        Without variants.
+
+    Raises
+    ------
+    ConfigError
+        For a name that is no variant of the study.
+    """
     if name not in study.variants:
         raise ConfigError(f"{source}: no variant {name!r}; the study has {sorted(study.variants)}")
     changes = study.variants[name].model_dump(include={"sensor", "indenter", "mechanics"})
@@ -164,19 +227,72 @@ def variant_study(study: Study, name: str, source: str = "config") -> Study:
 
 
 def load_study(path: str | Path) -> Study:
-    """Return the validated study described by a YAML file."""
+    """Return the study that a YAML file describes.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; files that it names (sensor, indenter) are read relative to the working folder.
+
+    Returns
+    -------
+    Study
+        Validated and complete: keys that the file leaves out have their defaults.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key, a value out of range or keys that contradict each other. The
+        message names file, key, value and remedy.
+
+    Examples
+    --------
+    >>> load_study("config/paper.yaml").sensor.height_mm
+    6.0
+    """
     return study_from(read_yaml(Path(path)), str(path))
 
 
 def load_session(path: str | Path) -> Session:
-    """Return the validated session described by a session.yaml."""
+    """Return the session that a session.yaml describes.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    Session
+        Validated: force sensor, stage, camera and depth zero of one recording.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key or a value out of range.
+    """
     return _validated(Session, read_yaml(Path(path)), str(path))
 
 
 def load_camera(path: str | Path, **completed: Any) -> Camera:
-    """Return the camera of a YAML file: its keys, or those under `camera`, as in session.yaml.
+    """Return the camera of a YAML file.
 
-    completed: keys that the file may lack, such as a pose; what the file says holds.
+    Parameters
+    ----------
+    path : str or Path
+        Its keys are those of `camera` in session.yaml, or stand under `camera`.
+    **completed
+        Keys that the file may lack, such as a pose. What the file says holds.
+
+    Returns
+    -------
+    Camera
+        Validated.
+
+    Raises
+    ------
+    ConfigError
+        For a file without a position, and for a session without camera.
     """
     content = read_yaml(Path(path))
     nested = isinstance(content.get("camera"), dict)
@@ -193,22 +309,84 @@ def load_camera(path: str | Path, **completed: Any) -> Camera:
 
 
 def load_virtual_lab(path: str | Path) -> VirtualLab:
-    """Return the validated virtual lab described by a YAML file."""
+    """Return the virtual lab that a YAML file describes.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    VirtualLab
+        Validated: the true physics, particles, imaging and sessions of SYNTHETIC recordings.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key or a value out of range.
+    """
     return _validated(VirtualLab, read_yaml(Path(path)), str(path))
 
 
 def section_from(model: type[Section], content: dict[str, Any], source: str) -> Any:
-    """Return the validated section of a mapping of keys, e.g. of a command's arguments."""
+    """Return the section of the configuration that a mapping of keys describes.
+
+    Parameters
+    ----------
+    model : type of Section
+        The class of the section.
+    content : dict
+        Its keys, e.g. those of a command's arguments.
+    source : str
+        What messages call it.
+
+    Returns
+    -------
+    Section
+        Validated, of class `model`.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown key or a value out of range.
+    """
     return _validated(model, content, source)
 
 
 def load_section(path: str | Path, model: type[Section]) -> Any:
-    """Return the validated section of another kind (a mapping of columns, a small test) that a YAML file holds."""
+    """Return the section of the configuration that a YAML file holds.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    model : type of Section
+        The class of the section.
+
+    Returns
+    -------
+    Section
+        Validated, of class `model`.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read, an unknown key or a value out of range.
+    """
     return _validated(model, read_yaml(Path(path)), str(path))
 
 
 def write_yaml(path: str | Path, content: Section | dict[str, Any]) -> None:
-    """Write a section, or some of its keys, as YAML in the order of the model."""
+    """Write a section, or some of its keys, as YAML in the order of the model.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it is replaced.
+    content : Section or dict
+        What `load_study` and its like read back.
+    """
     keys = content.model_dump(mode="json") if isinstance(content, Section) else content
     Path(path).write_text(yaml.safe_dump(keys, sort_keys=False), encoding="utf-8")
 

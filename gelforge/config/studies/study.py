@@ -36,7 +36,8 @@ Check = Literal[
     "cone_edge",
     "frictionless_slide",
 ]
-SOFT_SHARE = 0.6  # of the soft layers' height, beyond which an indentation would pierce them
+# Of the soft layers' height: beyond, a layer under a flat punch keeps less than 40 % of its thickness.
+SOFT_SHARE = 0.6
 
 
 class Study(Section):

@@ -40,10 +40,33 @@ class Export:
 def export_dataset(
     form: Export, source: Source, out: str | Path, options: Options, limit_mb: float | None = None
 ) -> int:
-    """Write a dataset into a new folder, with SHA256SUMS; return its size in bytes.
+    """Write a dataset into a new folder, with SHA256SUMS.
 
-    The folder appears under its name when all is written, synced and summed; a run that was broken off leaves nothing there.
-    Raises DatasetError where the folder exists, or where it is larger than limit_mb.
+    The folder appears under its name when all is written, synced and summed; a run that was broken off leaves nothing
+    there.
+
+    Parameters
+    ----------
+    form : Export
+        The format.
+    source : Source
+        As `open_source` returns it.
+    out : str or Path
+        The new folder.
+    options : Options
+        Of the format.
+    limit_mb : float, optional
+        Largest size [MB].
+
+    Returns
+    -------
+    int
+        Size in bytes.
+
+    Raises
+    ------
+    DatasetError
+        Where the folder exists, or is larger than limit_mb.
     """
     with whole_folder(out) as folder:
         form.write(source, folder, options)
@@ -61,7 +84,7 @@ def export_dataset(
 
 @contextmanager
 def whole_folder(target: str | Path) -> Iterator[Path]:
-    """Yield an empty folder beside the target that takes its name, synced, when the block ends without an error."""
+    """Yield an empty folder next to the target that takes its name, synced, when the block ends without an error."""
     target = Path(target)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise DatasetError(f"{target}: exists already; name another folder, or remove it first")

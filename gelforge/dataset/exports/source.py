@@ -20,9 +20,9 @@ from gelforge.indentation.sensor.unrolled import bin_points
 from gelforge.progress import tracked
 
 SPLITS = ("train", "validation", "test")
-BLOCK_ROWS = 64  # rows in memory at a time
+BLOCK_ROWS = 64  # rows in memory at a time (no result depends on it)
 IMAGE, IMAGE_NAME = "image", "image_file"  # an image's content, and the name of its file (`image` in shards)
-SAMPLE_SHARE = 0.9  # of the bytes of a sample, for what stands beside the rows
+SAMPLE_SHARE = 0.9  # of the bytes of a sample, for what stands next to the rows
 BYTES = {kind: np.dtype(kind).itemsize for kind in ("f4", "f8", "i4", "bool")} | {"text": 24}
 
 
@@ -90,11 +90,11 @@ class Source:
         """Return the named columns (n, ...) of rows given by their numbers (n,), other than `split`."""
         stored = {name: {IMAGE_NAME: "image"}.get(name, name) for name in names if name != IMAGE}
         needed = ["session", "image"] if IMAGE in names else []
-        found = self.rows.read(index, list(dict.fromkeys([*stored.values(), *needed])))
-        block: dict[str, np.ndarray | list] = {name: found[column] for name, column in stored.items()}
+        columns = self.rows.read(index, list(dict.fromkeys([*stored.values(), *needed])))
+        block: dict[str, np.ndarray | list] = {name: columns[column] for name, column in stored.items()}
         if IMAGE in names:
             assert self.images is not None  # else no variable is called so
-            block[IMAGE] = [self.images.encoded(*of) for of in zip(found["session"], found["image"])]
+            block[IMAGE] = [self.images.encoded(*of) for of in zip(columns["session"], columns["image"])]
         return block
 
     def blocks(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> Iterator[dict]:
@@ -138,12 +138,29 @@ def open_source(
     data: str | Path | None = None,
     validation_fraction: float | None = None,
 ) -> Source:
-    """Return the dataset of a folder (`results/<study>/dataset`), its shards checked against the manifest.
+    """Return the dataset of a folder, its shards checked against the manifest.
 
-    images: rows hold the image files' content, see RowImages for `data`; validation_fraction: share of the training orbits
-    that are the split `validation`, the same ones that monitor the loss when the study's network is trained (None: as
-    usual). Raises DatasetError for a folder without a dataset, shards that are not the manifest's, and images that do not
-    exist.
+    Parameters
+    ----------
+    folder : str or Path
+        results/<study>/dataset.
+    images : bool
+        Rows hold the content of the image files.
+    data : str or Path, optional
+        Where the recordings lie (`RowImages`).
+    validation_fraction : float, optional
+        Share of the training orbits that are the split `validation`: those that monitor the loss when the study's
+        network is trained. None for the default.
+
+    Returns
+    -------
+    Source
+        Manifest, rows, and indentations in the order train, validation, test.
+
+    Raises
+    ------
+    DatasetError
+        For a folder without a dataset, shards that are not the manifest's, and images that do not exist.
     """
     folder = Path(folder)
     manifest = read_manifest(folder / "manifest.json")
@@ -157,10 +174,10 @@ def open_source(
         raise DatasetError(
             f"{folder}: the dataset holds labels only, there are no images; leave out --images"
         )
-    found = RowImages(manifest["raw_files"], data) if images else None
+    pictures = RowImages(manifest["raw_files"], data) if images else None
     fraction = Learning().validation_fraction if validation_fraction is None else validation_fraction
     presses = _presses(rows, manifest, fraction)
-    return Source(folder, manifest, rows, _variables(rows, labels_only, found), presses, found)
+    return Source(folder, manifest, rows, _variables(rows, labels_only, pictures), presses, pictures)
 
 
 def _variables(rows: ShardDataset, labels_only: bool, images: RowImages | None) -> dict[str, Variable]:
@@ -187,12 +204,12 @@ def _presses(rows: ShardDataset, manifest: dict, fraction: float) -> tuple[Press
     index = np.arange(len(rows))
     read = rows.read(index, [*dict.fromkeys([*keys, "cell", "split", "position_mm"])])
     split = _with_validation(read, manifest, fraction)
-    found: dict[tuple, list[int]] = {}
+    rows_of: dict[tuple, list[int]] = {}
     for i, key in enumerate(zip(*(read[name] for name in keys))):
-        found.setdefault(key, []).append(i)
+        rows_of.setdefault(key, []).append(i)
     presses = [
         Press("/".join(key), split[read["cell"][numbers[0]]], np.array(numbers))
-        for key, numbers in found.items()
+        for key, numbers in rows_of.items()
     ]
     return tuple(sorted(presses, key=lambda press: SPLITS.index(press.split)))  # stable
 

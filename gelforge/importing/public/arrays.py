@@ -45,13 +45,13 @@ def files_of(path: Path, kinds: tuple[str, ...], what: str) -> list[Path]:
                 f"{path}: no {' or '.join(kinds)} file; name a folder of the set, or one of its files"
             )
         return [path]
-    found = sorted(p for p in path.rglob("*") if p.suffix.lower() in kinds and p.is_file())
-    found = [
-        p for p in found if p.suffix == kinds[0] or not p.with_suffix(kinds[0]).is_file()
-    ]  # converted beside
-    if not found:
+    files = sorted(p for p in path.rglob("*") if p.suffix.lower() in kinds and p.is_file())
+    files = [
+        p for p in files if p.suffix == kinds[0] or not p.with_suffix(kinds[0]).is_file()
+    ]  # converted next to
+    if not files:
         raise ImportingError(f"{path}: no {what} in this folder; name the folder that holds them")
-    return found
+    return files
 
 
 def _pickled(path: Path) -> str:

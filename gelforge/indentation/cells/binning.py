@@ -17,15 +17,41 @@ DUST = 1e-8
 
 
 def bin_shares(mesh: Mesh, sensor: Sensor, rule: str) -> sp.csr_matrix:
-    """Return the share (B, S) of each surface node's force that each bin gets, by the rule mechanics.binning."""
+    """Return the share of each surface node's force that each bin gets.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Its surface has S nodes.
+    sensor : Sensor
+        Its B bins.
+    rule : str
+        `mechanics.binning`: "shape_function" or "node".
+
+    Returns
+    -------
+    scipy.sparse.csr_matrix
+        (B, S), bin k = nx iy + ix.
+    """
     return surface_shares(mesh, sensor) if rule == "shape_function" else node_shares(mesh, sensor)
 
 
 def surface_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
-    """Return the share (B, S) of each surface node's shape function that lies in each bin, k = nx iy + ix.
+    """Return the share of each surface node's shape function that lies in each bin.
 
-    The integral of the shape function over the bin divided by its whole integral on the top surface; the columns of nodes
-    of the top sum to 1, those of nodes on the sides are empty.
+    It is the integral of the shape function over the bin, divided by its integral over the top surface.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Its surface has S nodes.
+    sensor : Sensor
+        Its B bins.
+
+    Returns
+    -------
+    scipy.sparse.csr_matrix
+        (B, S), bin k = nx iy + ix. Columns of nodes of the top sum to 1, those of nodes on the sides are empty.
     """
     if mesh.surface.faces.shape[1] == 6:
         return _triangle_shares(mesh, sensor)
@@ -159,7 +185,20 @@ def _normalised(shares: sp.csr_matrix) -> sp.csr_matrix:
 
 
 def bin_forces(forces: np.ndarray, shares: sp.csr_matrix) -> np.ndarray:
-    """Return bin forces (D, B, 3) of surface forces (D, S, 3)."""
+    """Return the forces of bins.
+
+    Parameters
+    ----------
+    forces : numpy.ndarray
+        (D, S, 3) [N] of surface nodes.
+    shares : scipy.sparse.csr_matrix
+        (B, S), as `bin_shares` returns it.
+
+    Returns
+    -------
+    numpy.ndarray
+        (D, B, 3) [N].
+    """
     D, S, _ = forces.shape
     binned = shares @ np.moveaxis(forces, 1, 0).reshape(S, D * 3)
     return np.moveaxis(binned.reshape(shares.shape[0], D, 3), 0, 1)

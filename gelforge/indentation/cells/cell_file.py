@@ -158,7 +158,15 @@ def write_cell(path: str | Path, cell: Cell) -> None:
 
 
 def write_timings(path: str | Path, timings: Mapping) -> None:
-    """Write what a product cost, seconds and this process's memory, into a file of its own beside it."""
+    """Write what a product cost into a file next to it.
+
+    Parameters
+    ----------
+    path : str or Path
+        The product, such as a site's file.
+    timings : mapping of str to number
+        Seconds by name; the memory of this process is added.
+    """
     plain = {key: np.asarray(value).tolist() for key, value in timings.items()}
     write_json(timings_path(path), plain | {"peak_memory_MB": round(peak_memory_MB(), 1)})
 
@@ -170,7 +178,18 @@ def peak_memory_MB() -> float:
 
 
 def read_timings(path: str | Path) -> dict:
-    """Return what a product cost, seconds and memory; empty where nobody knows."""
+    """Return what a product cost.
+
+    Parameters
+    ----------
+    path : str or Path
+        The product, such as a site's file.
+
+    Returns
+    -------
+    dict
+        Seconds and memory [MB] by name; empty where nobody knows.
+    """
     try:
         return json.loads(timings_path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -50,10 +50,10 @@ def plane_cut(X: np.ndarray, elements: np.ndarray, y: float) -> tuple[np.ndarray
 
 def _ring(row: list[int]) -> list[int]:
     """Return the corners on the crossed sides 01, 02, 03, 12, 13, 23 in order around the polygon."""
-    found = [k for k in range(6) if row[k] >= 0]
-    if len(found) == 3:
-        return [row[k] for k in found] + [row[found[-1]]]
+    edges = [k for k in range(6) if row[k] >= 0]
+    if len(edges) == 3:
+        return [row[k] for k in edges] + [row[edges[-1]]]
     # Two nodes on each side of the plane: the two sides that are not crossed are opposite ones.
-    a, b, c, d = found
+    a, b, c, d = edges
     order = {(1, 2, 3, 4): (1, 2, 4, 3), (0, 2, 3, 5): (0, 2, 5, 3), (0, 1, 4, 5): (0, 1, 5, 4)}[a, b, c, d]
     return [row[k] for k in order]

@@ -1,7 +1,7 @@
 """Solved sites that outlive the job that solved them.
 
 Workflow managers delete the output of a job that failed, was cancelled or ran out of time, and of a group of jobs all
-outputs if one member fails. A solved site is therefore written as `.solved/<cell>.<digest of its inputs>.h5` beside its
+outputs if one member fails. A solved site is therefore written as `.solved/<cell>.<digest of its inputs>.h5` next to its
 target and linked to it: while both exist they are one file and take the disk once. The next job for the same site takes it
 up where the inputs are equal and its checksum is right. There is one entry per site; the workflow removes those that are
 no longer needed, and those of forced jobs before they start.
@@ -24,9 +24,25 @@ DIGITS = 16
 
 
 def solved_once(out: Path, inputs: str, solve: Callable[[], Cell], fresh: bool = False) -> tuple[Cell, str]:
-    """Return the site that is now in the file `out`, and in words whether it was solved or taken up.
+    """Return a site that is solved unless an earlier job has solved it from the same inputs.
 
-    inputs: digest of everything that decides the site. fresh: solve in any case.
+    Parameters
+    ----------
+    out : Path
+        The site's file, which is written.
+    inputs : str
+        Digest of everything that decides the site.
+    solve : callable
+        Returns the solved Cell.
+    fresh : bool
+        Solve in any case.
+
+    Returns
+    -------
+    Cell
+        What is in the file.
+    str
+        In words, whether it was solved or cached.
     """
     entry = out.parent / FOLDER / f"{out.stem}.{inputs[:DIGITS]}.h5"
     cell, words = (None, "solved anew, as asked") if fresh else _kept(entry)
@@ -67,13 +83,13 @@ def entries(out: Path) -> list[Path]:
 
 def forget(outs: Iterable[Path]) -> int:
     """Remove the kept solutions of these sites' files and return how many there were."""
-    found = [entry for out in outs for entry in entries(out)]
-    _remove(found)
-    return len(found)
+    cached = [entry for out in outs for entry in entries(out)]
+    _remove(cached)
+    return len(cached)
 
 
-def _remove(found: Iterable[Path]) -> None:
-    for entry in found:
+def _remove(cached: Iterable[Path]) -> None:
+    for entry in cached:
         entry.unlink(missing_ok=True)
         timings_path(entry).unlink(missing_ok=True)
 

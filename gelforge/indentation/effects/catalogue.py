@@ -43,11 +43,9 @@ class Effect:
     parameter: str  # what the value is
     unit: str
     width: float  # a plausible value
-    enters: str  # the keys of the configuration
     apply: Callable[[Study, float, Place], Study]
     mesh_changes: bool = False
     history: bool = False  # every indentation is a path of its own
-    located: bool = False  # the place counts
     binary: bool = False  # values are 0 and 1 only
     unloading: bool = False  # seen during unloading only
     step: float = 1e-2  # of the width: the value by which derivatives are taken
@@ -91,12 +89,35 @@ def _changed(study: Study, changes: dict) -> Study:
 
 
 def gel_layers(study: Study) -> list[str]:
-    """Return the layers under the skin; of a sensor with one layer, that one."""
+    """Return the names of the layers under the skin.
+
+    Parameters
+    ----------
+    study : Study
+        With at least one layer.
+
+    Returns
+    -------
+    list of str
+        From the base up, without the top layer; that one of a sensor with a single layer.
+    """
     names = [layer.name for layer in study.sensor.layers]
     return names[:-1] or names
 
 
 def skin_layer(study: Study) -> str:
+    """Return the name of the top layer, which the indenter touches.
+
+    Parameters
+    ----------
+    study : Study
+        With at least one layer.
+
+    Returns
+    -------
+    str
+        A name of `study.sensor.layers`.
+    """
     return study.sensor.layers[-1].name
 
 
@@ -143,7 +164,7 @@ def _ball(study, place, field, **keys):
 
 
 def _bubble(study, amount, place):
-    """Return a ball that does a share of what an empty one does, to shear and to pressure alike."""
+    """Return a ball that does a share of what an empty one does, to shear and to pressure."""
     layers, bottom = study.sensor.layers, -study.sensor.height_mm
     tops = bottom + np.cumsum([layer.thickness_mm for layer in layers])
     layer = layers[min(int(np.searchsorted(tops, place.z_mm)), len(layers) - 1)].name
@@ -159,7 +180,7 @@ def _delamination(study, amount, place):
 
 
 def with_wall_side(study: Study, side: str, **losses: float) -> Study:
-    """Return the study with losses of the wall, or of the bond to it, along one side beside those that it has."""
+    """Return the study with losses of the wall, or of the bond to it, along one side in addition to those that it has."""
     others = [one.model_dump() for one in study.mechanics.effects.geometry.wall_sides]
     return with_keys(study, geometry={"wall_sides": [*others, {"side": side, **losses}]})
 
@@ -192,153 +213,146 @@ CATALOGUE: dict[str, Effect] = {
     for effect in [
         Effect(
             "gel_stiffness", "material", "growth of the moduli under the skin", "1", 0.2,
-            "material.stiffness_factor; particles: material.particles.stiffening",
             lambda study, amount, place: _stiffness(study, gel_layers(study), amount),
         ),
         Effect(
             "skin_stiffness", "material", "growth of the moduli of top layer, wall and flange", "1", 0.2,
-            "material.stiffness_factor", lambda study, amount, place: _stiffness(study, [skin_layer(study)], amount),
+            lambda study, amount, place: _stiffness(study, [skin_layer(study)], amount),
         ),
         Effect(
             "law_exponent", "material", "growth of the constitutive models' exponents, moduli unchanged", "1", 0.3,
-            "material.exponent_factor", _exponent,
+            _exponent,
         ),
         Effect(
             "compressibility", "material", "mu/K more than mechanics.bulk_to_shear says", "1", 0.02,
-            "material.bulk_to_shear or poissons_ratio", _compressibility, step=1e-3,
+            _compressibility, step=1e-3,
         ),
         Effect(
             "elastic_base", "material", "1/E of a slab of 17 mm below", "1/MPa", 1.0,
-            "geometry.base", _elastic_base, mesh_changes=True,
+            _elastic_base, mesh_changes=True,
         ),
         Effect(
             "linear_elasticity", "material", "neo-Hookean models in place of the fitted ones", "1", 1.0,
-            "material.linear_law", lambda study, amount, place: with_keys(study, material={"linear_law": bool(amount)}),
+            lambda study, amount, place: with_keys(study, material={"linear_law": bool(amount)}),
             binary=True,
         ),
         Effect(
             "small_strain", "material", "small-strain elasticity in place of finite strain", "1", 1.0,
-            "mechanics.strain",
             lambda study, amount, place: _changed(study, {"mechanics": {"strain": "small"}}) if amount else study,
             binary=True,
         ),
         Effect(
             "viscoelastic", "history", "overstress modulus of the soft layers over the elastic one, time 1 s", "1", 0.2,
-            "history.viscoelastic", _overstress, history=True,
+            _overstress, history=True,
         ),
         Effect(
             "mullins", "history", "largest lost share of the soft layers' stress", "1", 0.3,
-            "history.mullins", _softening, history=True,
+            _softening, history=True,
         ),
         Effect(
             "ageing", "history", "growth of the gel's stiffness per day of age", "1/d", 0.01,
-            "material.circumstances", _rate("ageing_per_day"),
+            _rate("ageing_per_day"),
         ),
         Effect(
             "temperature", "history", "growth of the gel's stiffness per kelvin", "1/K", 0.01,
-            "material.circumstances", _rate("stiffening_per_K"),
+            _rate("stiffening_per_K"),
         ),
         Effect(
-            "friction", "contact", "coefficient more than mechanics.friction", "1", 0.2, "mechanics.friction",
+            "friction", "contact", "coefficient more than mechanics.friction", "1", 0.2,
             lambda study, amount, place: _changed(
                 study, {"mechanics": {"friction": max(study.mechanics.friction + amount, 0.0)}}
             ),
         ),
         Effect(
-            "frictionless", "contact", "no friction", "1", 1.0, "mechanics.friction",
+            "frictionless", "contact", "no friction", "1", 1.0,
             lambda study, amount, place: _changed(study, {"mechanics": {"friction": 0.0}}) if amount else study,
             binary=True,
         ),
         Effect(
             "friction_law", "contact", "exponent of its fall with the pressure", "1", 0.33,
-            "contact.pressure_exponent", _one("contact", "pressure_exponent", of=lambda a: min(float(a), 0.99)),
+            _one("contact", "pressure_exponent", of=lambda a: min(float(a), 0.99)),
         ),
         Effect(
-            "adhesion", "contact", "work of separation", "N/mm", 1e-4, "contact.adhesion",
+            "adhesion", "contact", "work of separation", "N/mm", 1e-4,
             lambda study, amount, place: with_keys(study, contact={"adhesion": {"work_N_per_mm": amount}}),
             unloading=True,
         ),
         Effect(
-            "toe_region", "contact", "thickness of a film that gives way and is used up", "mm", 0.05, "contact.film",
+            "toe_region", "contact", "thickness of a film that gives way and is used up", "mm", 0.05,
             lambda study, amount, place: with_keys(study, contact={"film": {"thickness_mm": amount}}),
         ),
         Effect(
             "layer_thickness", "geometry", "thickness more than drawn of the layer under the skin", "mm", 0.5,
-            "geometry.thickness.<layer>.change_mm",
             lambda study, amount, place: _thickness(study, gel_layers(study)[-1], change_mm=amount),
         ),
         Effect(
             "thickness_gradient", "geometry", "its growth along x", "mm/mm", 0.02,
-            "geometry.thickness.<layer>.gradient",
             lambda study, amount, place: _thickness(study, gel_layers(study)[-1], gradient=[amount, 0.0]),
         ),
         Effect(
-            "wall_stiffness", "geometry", "growth of the wall's moduli", "1", 0.5, "material.stiffness_factor.wall",
+            "wall_stiffness", "geometry", "growth of the wall's moduli", "1", 0.5,
             lambda study, amount, place: _stiffness(study, ["wall"], amount),
         ),
         Effect(
-            "wall_gap", "geometry", "lost share of the bond along the wall", "1", 1.0, "geometry.wall_gap",
+            "wall_gap", "geometry", "lost share of the bond along the wall", "1", 1.0,
             lambda study, amount, place: with_keys(study, geometry={"wall_gap": {"loss": amount}}),
         ),
         Effect(
-            "wall_side", "geometry", "lost share of the stiffness of the wall along x = 0", "1", 1.0, "geometry.wall_sides",
+            "wall_side", "geometry", "lost share of the stiffness of the wall along x = 0", "1", 1.0,
             lambda study, amount, place: with_wall_side(study, "x_low", wall_loss=amount),
         ),
         Effect(
             "delamination", "geometry", "lost share of the shear stiffness of a film under the skin", "1", 1.0,
-            "geometry.delaminations", _delamination, located=True,
+            _delamination,
         ),
         Effect(
-            "void", "geometry", "share of what an empty ball does to all around it", "1", 1.0, "geometry.inclusions",
-            _bubble, located=True, step=1e-3,
+            "void", "geometry", "share of what an empty ball does to all around it", "1", 1.0, _bubble, step=1e-3,
         ),
         Effect(
-            "inclusion", "geometry", "share of what a rigid ball does to all around it", "1", 1.0, "geometry.inclusions",
-            lambda study, amount, place: _ball(study, place, amount * RIGID), located=True,
+            "inclusion", "geometry", "share of what a rigid ball does to all around it", "1", 1.0,
+            lambda study, amount, place: _ball(study, place, amount * RIGID),
         ),
         Effect(
             "prestretch", "geometry", "residual stretch of the skin along x and y, less 1", "1", 0.05,
-            "geometry.prestretch",
             lambda study, amount, place: with_keys(
                 study, geometry={"prestretch": {skin_layer(study): [1 + amount, 1 + amount]}}
             ),
         ),
         Effect(
             "indenter_radius", "geometry", "radius more than described", "mm", 0.25,
-            "geometry.indenter_radius_change_mm", _one("geometry", "indenter_radius_change_mm"),
+            _one("geometry", "indenter_radius_change_mm"),
         ),
         Effect(
             "particle_settling", "geometry", "share of the particles' concentration that has sunk", "1", 0.5,
-            "material.particles.settling",
             lambda study, amount, place: with_keys(study, material={"particles": {"settling": amount}}),
         ),
         Effect(
             "contact_zero", "kinematics", "pressed deeper than commanded", "mm", 0.1,
-            "kinematics.contact_zero_mm", _one("kinematics", "contact_zero_mm"),
+            _one("kinematics", "contact_zero_mm"),
         ),
         Effect(
             "tilt", "kinematics", "turn of the sensor about x", "deg", 1.0,
-            "kinematics.tilt_deg, zero_by", _one("kinematics", "tilt_deg", pair=True),
+            _one("kinematics", "tilt_deg", pair=True),
         ),
         Effect(
             "misregistration", "kinematics", "shift of all positions along x", "mm", 0.5,
-            "kinematics.misregistration_mm", _one("kinematics", "misregistration_mm", pair=True),
+            _one("kinematics", "misregistration_mm", pair=True),
         ),
         Effect(
             "yaw", "kinematics", "turn of the grid about the middle", "deg", 2.0,
-            "kinematics.yaw_deg", _one("kinematics", "yaw_deg"),
+            _one("kinematics", "yaw_deg"),
         ),
         Effect(
             "grid_scale", "kinematics", "growth of the grid from the middle", "1", 0.01,
-            "kinematics.grid_scale", _one("kinematics", "grid_scale"),
+            _one("kinematics", "grid_scale"),
         ),
         Effect(
             "frame_compliance", "kinematics", "yielding of the frame along the path", "mm/N", 0.05,
-            "kinematics.frame_compliance_mm_per_N", _one("kinematics", "frame_compliance_mm_per_N"),
+            _one("kinematics", "frame_compliance_mm_per_N"),
         ),
         Effect(
             "base_bending", "kinematics", "yielding of the base plate at its middle", "mm/N", 0.05,
-            "kinematics.base_bending_mm_per_N", _one("kinematics", "base_bending_mm_per_N"),
+            _one("kinematics", "base_bending_mm_per_N"),
         ),
     ]
 }  # fmt: skip

@@ -15,7 +15,8 @@ from gelforge.indentation.effects.material import by_region, region_bulk
 from gelforge.mechanics.meshes.elements import ELEMENTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
-LEAST = 1e-3  # share of its stiffness that what is wholly lost keeps, so that every node is held
+# Share of its stiffness that what is wholly lost keeps, so that every node is held: 0.1 % of it in the forces.
+LEAST = 1e-3
 CONSTRAINT = 0.4  # Eshelby's 6 (K + 2 G) / (5 (3 K + 4 G)) of a ball, K >> G
 RIGID, LOST = 1 / CONSTRAINT, -1 / (1 - CONSTRAINT)
 PARTS = 6  # sample points along an element's side: a share of volume to about 1e-2

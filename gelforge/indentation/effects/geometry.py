@@ -60,9 +60,9 @@ def carried_mesh(mesh: Mesh, sensor: Sensor, touched: np.ndarray, by: np.ndarray
         under = max(low, inner[0] + room[0]), min(high, inner[1] - room[1])
         if under[0] > under[1]:
             return None
-        at, whole = mesh.X[:, axis], (0.0, 1.0, 1.0, 0.0)
-        on_top *= np.interp(at, (0.0, low, high, width), whole)
-        below *= np.interp(at, (inner[0], *under, inner[1]), whole)
+        at, shares = mesh.X[:, axis], (0.0, 1.0, 1.0, 0.0)
+        on_top *= np.interp(at, (0.0, low, high, width), shares)
+        below *= np.interp(at, (inner[0], *under, inner[1]), shares)
     up = np.clip(1 + mesh.X[:, 2] / sensor.layers[-1].thickness_mm, 0.0, 1.0) if wall else 0.0
     share = up * on_top + (1 - up) * below
     X = mesh.X.copy()

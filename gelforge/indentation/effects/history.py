@@ -17,7 +17,8 @@ from gelforge.mechanics.bodies.peak_grid import PeakGrid
 from gelforge.mechanics.meshes.elements import ELEMENTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
-DWELL_GROWTH = 2.0  # of a wait's steps: relaxation slows down
+# Of a wait's steps: relaxation slows down, and 10 steps then span a factor of 1000 in time.
+DWELL_GROWTH = 2.0
 
 
 @dataclass(frozen=True)

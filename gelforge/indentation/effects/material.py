@@ -32,7 +32,24 @@ def by_region(values: dict, regions: tuple[str, ...], top: str, default) -> dict
 def region_laws(
     sensor: Sensor, effects: Effects, regions: tuple[str, ...], laws: dict[str, PrincipalLaw]
 ) -> dict[str, PrincipalLaw]:
-    """Return the law [MPa] of each region of the mesh; laws are given by layer."""
+    """Return the constitutive model of each region of the mesh.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Its layers.
+    effects : Effects
+        Linear models, exponents, corrections and the elastic base.
+    regions : tuple of str
+        Names of the layers, and wall, flange and base where there are some.
+    laws : dict of str to PrincipalLaw
+        By layer [MPa]; wall and flange follow the top layer unless they are named.
+
+    Returns
+    -------
+    dict of str to PrincipalLaw
+        By region [MPa].
+    """
     top, material, base = sensor.layers[-1].name, effects.material, effects.geometry.base
     chosen = {name: laws.get(name, laws[top]) for name in regions if name != "base"}
     if "base" in regions:  # rigid: held itself, its law never matters
@@ -55,7 +72,22 @@ def _corrected(law: PrincipalLaw, more: EnergyCorrection | None) -> PrincipalLaw
 
 
 def region_bulk(sensor: Sensor, mechanics: Mechanics, regions: tuple[str, ...]) -> dict[str, float]:
-    """Return the bulk modulus over the shear modulus of each region."""
+    """Return the bulk modulus over the shear modulus of each region.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Its layers.
+    mechanics : Mechanics
+        `bulk_to_shear`, and effects that replace it in regions.
+    regions : tuple of str
+        As of `region_laws`.
+
+    Returns
+    -------
+    dict of str to float
+        K/mu by region.
+    """
     material = mechanics.effects.material
     given = material.bulk_to_shear | {
         name: bulk_to_shear_of(nu) for name, nu in material.poissons_ratio.items()
@@ -77,15 +109,15 @@ def stretches_ahead(
     thickness = np.array([layer.thickness_mm for layer in layers])
     strained = np.maximum(1.0, thickness.sum() / mu / (thickness / mu).sum())
     residual = [s for x, y in effects.geometry.prestretch.values() for s in (x, y, 1 / (x * y))] + [1.0]
-    found = {}
+    stretches = {}
     for name in regions:
         factor = dict(zip([layer.name for layer in layers], strained)).get(name, 1.0)
         e = MARGIN * max(share, 0.0) * factor
-        found[name] = (
+        stretches[name] = (
             float(min(residual) * np.exp(-COMPRESSION * e)),
             float(max(residual) * np.exp(STRETCHING * e)),
         )
-    return found
+    return stretches
 
 
 def check_laws(laws: dict[str, PrincipalLaw], stretches: dict[str, tuple[float, float]]) -> None:

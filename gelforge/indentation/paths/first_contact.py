@@ -10,7 +10,8 @@ from gelforge.mechanics.meshes.elements import TRIANGLE6_PARTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
 FINE = 24  # parts along a face's side: a face of 0.6 mm is then sampled every 0.025 mm, a ball's contact known to 2e-5 mm
-NEAR_MM = 1e-9  # the gap at which the indenter touches
+# The gap at which the indenter touches: a millionth of a micrometre, far below 1e-6 mm of the files.
+NEAR_MM = 1e-9
 STEPS = 500
 NEWTON_STEPS = 8  # from the flat quarter of the face: a curved face differs little
 TRIANGLE6_NODES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])

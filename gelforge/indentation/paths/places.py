@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 POSITION_MATCH_MM = 0.01  # the least tolerance of a position; PlannedCell.within_mm is that of a site
 DEPTH_MATCH_MM = 0.01  # recorded depths join a planned one within this
+# Positions and depths are written with 6 decimals: a gap of exactly the tolerance is within it.
 ROUNDING_MM = (
     1e-6  # positions and depths are written with six decimals: a gap of exactly the tolerance is within it
 )
@@ -34,7 +35,20 @@ def within(gap_mm, tolerance_mm=POSITION_MATCH_MM):
 
 
 def gaps_to(places: ArrayLike, place: ArrayLike) -> np.ndarray:
-    """Return the distances (n,) [mm] of positions (n, 2) from one position."""
+    """Return the distances of positions from one position.
+
+    Parameters
+    ----------
+    places : array_like
+        (n, 2) [mm].
+    place : array_like
+        (2,) [mm].
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,) [mm].
+    """
     return np.hypot(*(np.reshape(places, (-1, 2)) - np.asarray(place, float)).T)
 
 
@@ -59,11 +73,24 @@ def chained(places: np.ndarray, tolerance_mm: float) -> np.ndarray:
 
 
 def visited(places: np.ndarray, tolerance_mm: float, names: list[str] | None = None) -> np.ndarray:
-    """Return for each position (n,) in the order visited the number of the one whose site it is: the site's first position.
+    """Return for each position the number of the one whose site it is: the site's first position.
 
-    A position belongs to the nearest earlier site within the tolerance, or begins a site of its own; so no member lies
-    farther than the tolerance from its site, and no two sites lie within it. names: positions with different names, both not
-    empty, are never of one site.
+    A position belongs to the nearest earlier site within the tolerance, or begins a site of its own. No member lies
+    farther than the tolerance from its site, and no two sites lie within it.
+
+    Parameters
+    ----------
+    places : array_like
+        (n, 2) [mm] in the order visited.
+    tolerance_mm : float
+        Largest distance of a member from its site.
+    names : list of str, optional
+        Positions with different names, both not empty, are never of one site.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,) int.
     """
     places = np.reshape(places, (-1, 2))
     if not len(places):

@@ -8,14 +8,26 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gelforge.indentation.paths.planned_cell import PlannedCell
 
-AT_ONCE = 256  # interpolated sites: their job reads every solved site
+AT_ONCE = 256  # interpolated sites of one job, which reads every solved site (no result depends on it)
 
 
 def derived_chunks(cells: Mapping[str, PlannedCell], per_shard: int) -> dict[int, list[str]]:
-    """Return the names of derived sites that one job makes, by the number of the job.
+    """Return the derived sites that each job makes.
 
-    A job makes those of whole shards of the dataset, of one where no site is interpolated: a site that is made again brings
-    those of its job with it, and these are of shards that are built again anyway.
+    A job makes those of whole shards of the dataset, of one where no site is interpolated. A site that is made again
+    brings those of its job with it, and these are of shards that are built again anyway.
+
+    Parameters
+    ----------
+    cells : mapping of str to PlannedCell
+        Sites of the plan, in order.
+    per_shard : int
+        Sites of a shard.
+
+    Returns
+    -------
+    dict of int to list of str
+        Names by the number of the job.
     """
     shards = -(-AT_ONCE // per_shard) if any(cell.between for cell in cells.values()) else 1
     size, names = shards * per_shard, list(cells)

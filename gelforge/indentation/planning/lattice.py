@@ -19,7 +19,7 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 
-LAST = 4  # level of the finest lattice
+LAST = 4  # level of the finest lattice: 2^4 to the first spacing
 FINEST = 2**LAST
 DEPTHS = 10  # of a site, where the plan's depths differ from site to site
 NAME = re.compile(r"between_(\d{4})_(\d{4})")
@@ -97,14 +97,36 @@ def _every(step: int, end: int) -> range:
 
 
 def name_of(at: Index) -> str:
-    """Return the name of a place's file."""
+    """Return the name of the file of a place of the lattice.
+
+    Parameters
+    ----------
+    at : (int, int)
+        Steps of the finest lattice along x and y.
+
+    Returns
+    -------
+    str
+        Such as "between_0004_0012".
+    """
     return f"between_{at[0]:04d}_{at[1]:04d}"
 
 
 def index_of(name: str) -> Index | None:
-    """Return the place of a file's name, None for another name."""
-    found = NAME.fullmatch(name)
-    return (int(found[1]), int(found[2])) if found else None
+    """Return the place of the lattice that a name of a file says.
+
+    Parameters
+    ----------
+    name : str
+        Such as "between_0004_0012".
+
+    Returns
+    -------
+    (int, int) or None
+        Steps of the finest lattice along x and y; None for another name.
+    """
+    match = NAME.fullmatch(name)
+    return (int(match[1]), int(match[2])) if match else None
 
 
 def check_interpolation(study: Study) -> None:
@@ -130,22 +152,35 @@ def check_interpolation(study: Study) -> None:
             "error_bars: false, a share of which is asked for: give tolerance_N",
         ),
     ]
-    found = [words for is_so, words in why_not if is_so]
-    if found:
+    reasons = [words for is_so, words in why_not if is_so]
+    if reasons:
         raise ConfigError(
-            f"plan.interpolation: labels are not interpolated with {found[0]}; use interpolation: none"
+            f"plan.interpolation: labels are not interpolated with {reasons[0]}; use interpolation: none"
         )
 
 
 def lattice_digest(study: Study, lattice: Lattice) -> str:
-    """Return the digest of what decides an interpolated label beside the solved sites."""
+    """Return the digest of what decides an interpolated label in addition to the solved sites."""
     interpolation = given(study.plan.interpolation, "plan.interpolation")
     known = interpolation.model_dump(mode="json"), lattice.__dict__
     return digest([*map(dict, known), source_digest("interpolation")])
 
 
 def lattice_of(study: Study, cells: Mapping[str, PlannedCell]) -> Lattice | None:
-    """Return the lattice of the plan's sites between which may be interpolated, None where solving all costs no more."""
+    """Return the lattice of the plan's sites between which labels may be interpolated.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor, indenter and symmetry.
+    cells : mapping of str to PlannedCell
+        Sites of the plan.
+
+    Returns
+    -------
+    Lattice or None
+        None where no site may be interpolated, or solving all costs no more.
+    """
     inside = [cell for cell in cells.values() if interpolable(study, cell)]
     if not inside:
         return None
@@ -184,7 +219,20 @@ def interpolable(study: Study, cell: PlannedCell) -> bool:
 
 
 def solved_site(lattice: Lattice, name: str) -> PlannedCell | None:
-    """Return the site to be solved at a place of the lattice, None for a name that is none of its."""
+    """Return the site to be solved at a place of the lattice.
+
+    Parameters
+    ----------
+    lattice : Lattice
+        As `lattice_of` returns it.
+    name : str
+        As `name_of` returns it.
+
+    Returns
+    -------
+    PlannedCell or None
+        With position [mm] and depths [mm]; None for a name of no place of the lattice.
+    """
     at = index_of(name)
     if at is None or any(k > end for k, end in zip(at, lattice.ends)):
         return None

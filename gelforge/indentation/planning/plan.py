@@ -103,7 +103,7 @@ def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedC
     """Return the sites at "centre" and "corner" (5 mm from two edges, that of large x and y first) that exist."""
     wx, wy = study.sensor.width_x_mm, study.sensor.width_y_mm
     corners = [(x, y) for x in (wx - CORNER_MM, CORNER_MM) for y in (wy - CORNER_MM, CORNER_MM)]
-    found = {}
+    sites = {}
     for name, places in (("centre", [(wx / 2, wy / 2)]), ("corner", corners)):
         there = (
             cell
@@ -112,8 +112,8 @@ def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedC
             if within(gaps_to((cell.x_mm, cell.y_mm), (x, y))[0], cell.within_mm)
         )
         if cell := next(there, None):
-            found[name] = cell
-    return found
+            sites[name] = cell
+    return sites
 
 
 def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> dict[str, PlannedCell]:
@@ -318,7 +318,20 @@ def _phase(move: np.ndarray) -> str:
 
 
 def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:
-    """Refuse positions outside the sensor, and indentations that pierce it, sink the indenter or pass between nodes."""
+    """Refuse a plan that the sensor, its mesh or the indenter do not allow.
+
+    Parameters
+    ----------
+    cells : dict of str to PlannedCell
+        Sites of the plan.
+    study : Study
+        Sensor, indenter, mesh and effects.
+
+    Raises
+    ------
+    ConfigError
+        For the first site outside the sensor, too deep, or between nodes; names site, value, limit and remedy.
+    """
     sensor, effects = study.sensor, study.mechanics.effects
     check_sensor_size(sensor)
     check_mesh(study)

@@ -13,8 +13,8 @@ from gelforge.indentation.sensor.sizes import UNITS
 
 # Of a grid: that of Sferrazza et al. 2019 has 1681; a spacing in metres has a million times as many.
 MOST_CELLS = 200_000
-MOST_ELEMENTS = 5e6  # a hundred times those of the article's mesh; their factors alone would need a terabyte
-MOST_STEPS = 1e4  # of one indentation; a hundred resolve any history
+MOST_ELEMENTS = 5e6  # 100 times those of the article's mesh; their factors alone would need a terabyte
+MOST_STEPS = 1e4  # of one indentation; 100 resolve any history
 
 
 def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:
@@ -53,11 +53,11 @@ def check_unit(cells: Mapping[str, PlannedCell], study: Study) -> None:
     largest = np.abs(places).max(axis=0)
     deepest = max(cell.deepest_mm for cell in cells.values())
     sizes = (sensor.width_x_mm, sensor.width_y_mm, sensor.height_mm)
-    found = (*largest, deepest)
+    measured = (*largest, deepest)
     of_file = study.plan.file is not None
     for unit in ("metres", "inches"):
         factor = UNITS[unit]
-        fits = [0 < factor * length <= size for length, size in zip(found, sizes)]
+        fits = [0 < factor * length <= size for length, size in zip(measured, sizes)]
         if not (any(fits) if unit == "metres" else all(fits) and of_file and len(cells) > 1):
             continue
         where = f"{study.plan.file}: " if of_file else ""

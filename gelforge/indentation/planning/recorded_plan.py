@@ -15,7 +15,7 @@ from gelforge.indentation.paths.places import gaps_to, visited
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.stage_frame import first_outside, stage_to_sensor
 
-DEPTH_DIGITS = 3  # depths that differ by less than a micrometre are one step of a site
+DEPTH_DIGITS = 3  # depths that differ by less than 0.001 mm are one step of a site
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def _places_of(
             f"{table}, row {rows[k]}: indentation {columns['press'][k]} moves sideways; plan.from: sessions takes straight"
             " indentations: write its path into a plan file (plan.file)"
         )
-    found: dict[str, RecordedPlace] = {}
+    places: dict[str, RecordedPlace] = {}
     for k in np.flatnonzero(np.isin(phase, ["load", "dwell"])).tolist():
         press, site = columns["press"][k], columns["cell"][k]
         if not (np.isfinite(depth[k]) and depth[k] > 0):
@@ -122,12 +122,12 @@ def _places_of(
             raise ConfigError(
                 f"{table}, row {rows[k]}: site {site!r} is not a name; use letters, digits, '_' and '-'"
             )
-        known = found.get(press)
+        known = places.get(press)
         x, y = (known.x_mm, known.y_mm) if known else map(float, np.round(xy[k], 6))
         deepest = max(float(depth[k]), known.depth_mm if known else 0.0)
-        found[press] = RecordedPlace(
+        places[press] = RecordedPlace(
             press, known.site if known else site, x, y, deepest, f"{table}, row {rows[k]}"
         )
-    if not found:
+    if not places:
         raise ConfigError(f"{table}: no load or dwell row; plan.from: sessions finds no indentation there")
-    return tuple(found.values())
+    return tuple(places.values())

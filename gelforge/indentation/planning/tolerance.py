@@ -32,7 +32,18 @@ def place_tolerance_mm(study: Study) -> float:
 
 
 def tolerance_of_stage_mm(repeatability_mm: float | None) -> float:
-    """Return the tolerance [mm] of the positions of a stage; None: its repeatability is not known."""
+    """Return the tolerance of the positions of a stage.
+
+    Parameters
+    ----------
+    repeatability_mm : float or None
+        Standard deviation along each axis [mm]; None where it is not known.
+
+    Returns
+    -------
+    float
+        [mm], at least POSITION_MATCH_MM.
+    """
     return max(POSITION_MATCH_MM, REPEATABILITIES * (repeatability_mm or 0.0))
 
 

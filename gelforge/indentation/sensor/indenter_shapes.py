@@ -25,7 +25,23 @@ EDGE_SHARE = 0.2
 
 
 def shape_of(section: Indenter) -> Shape:
-    """Return the rigid body that a section describes. Raises ConfigError for a file that bounds no body."""
+    """Return the rigid body that a section of the configuration describes.
+
+    Parameters
+    ----------
+    section : Indenter
+        One shape, or parts with offsets [mm].
+
+    Returns
+    -------
+    Shape
+        Its distance function and support; lengths in mm.
+
+    Raises
+    ------
+    ConfigError
+        For a file that bounds no body.
+    """
     shapes = [_part(part) for part in section.shapes]
     if not section.parts:
         return shapes[0]
@@ -132,8 +148,8 @@ def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
             faces += [fan(str(path), read.points, corners) for corners in block.data]
     triangles = np.concatenate(faces).astype(np.int64)
     if not len(triangles):
-        found = sorted({block.type for block in read.cells}) or "nothing"
-        raise ConfigError(f"{path}: no triangles, found {found}; save the body's surface as triangles")
+        types = sorted({block.type for block in read.cells}) or "nothing"
+        raise ConfigError(f"{path}: no triangles, found {types}; save the body's surface as triangles")
     return np.asarray(read.points, dtype=float), triangles
 
 

@@ -31,10 +31,30 @@ def sensor_mesh(
     touched: np.ndarray | None = None,
     base: Base | None = None,
 ) -> Mesh:
-    """Return the sensor's mesh, fine around (x, y) and on the touched discs (n, 3) = (x, y, radius) [mm].
+    """Return the sensor's mesh, fine around a contact.
 
-    base: an elastic slab under a block.
-    Raises ConfigError for surfaces that bound no body or do not fit the description.
+    Parameters
+    ----------
+    sensor : Sensor
+        Its shape decides between hexahedra (block) and quadratic tetrahedra.
+    mesh : MeshSizes
+        Near and far size [mm] and growth.
+    x_mm, y_mm : float
+        Middle of the contact in the sensor frame.
+    touched : numpy.ndarray, optional
+        (n, 3) = (x, y, radius) [mm] of discs that are fine too; without them the middle alone.
+    base : Base, optional
+        An elastic slab under a block.
+
+    Returns
+    -------
+    Mesh
+        Nodes X (N, 3) [mm], elements, regions and the surface that is touched.
+
+    Raises
+    ------
+    ConfigError
+        For surfaces that bound no body or do not fit the description.
     """
     sizes = sizes_of(mesh)
     if _by_hexahedra(sensor, mesh):
@@ -57,7 +77,20 @@ def _by_hexahedra(sensor: Sensor, mesh: MeshSizes) -> bool:
 
 
 def elements_through(sensor: Sensor, mesh: MeshSizes) -> float:
-    """Return how many elements lie between contact and base, by the sizes asked for; a tetrahedron's is two of them."""
+    """Return how many elements lie between contact and base; a tetrahedron's length is two of its node distances.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Its height.
+    mesh : MeshSizes
+        Near and far size [mm] and growth.
+
+    Returns
+    -------
+    float
+        Not rounded.
+    """
     return sizes_of(mesh).through(sensor.height_mm) / (1 if _by_hexahedra(sensor, mesh) else 2)
 
 
@@ -120,9 +153,24 @@ def _dome(width_x: float, width_y: float, layers: tuple, envelope: float) -> Sol
 
 
 def sensor_solids(sensor: Sensor, envelope: float = Sizes.envelope) -> Solids:
-    """Return the closed surfaces of a sensor's layers, drafted within an envelope [mm].
+    """Return the closed surfaces of a sensor's layers.
 
-    Raises SurfaceError where they do not fit the sensor's description.
+    Parameters
+    ----------
+    sensor : Sensor
+        A block, a dome or surfaces from files.
+    envelope : float
+        Largest distance [mm] of a dome's faces from the dome.
+
+    Returns
+    -------
+    Solids
+        Surfaces and names of the layers.
+
+    Raises
+    ------
+    SurfaceError
+        Where the surfaces do not fit the sensor's description.
     """
     if sensor.shape.kind == "block":
         return block_solids(_block(sensor))
@@ -137,7 +185,7 @@ def sensor_solids(sensor: Sensor, envelope: float = Sizes.envelope) -> Solids:
 
 
 def tops_over(solids: Solids, x: float, y: float) -> list[float]:
-    """Return the heights z [mm] at which the vertical through (x, y) meets the solids' surfaces; none beside them."""
+    """Return the heights z [mm] at which the vertical through (x, y) meets the solids' surfaces; none next to them."""
     p, heights = np.array([x, y]), []
 
     def cross(u, v):

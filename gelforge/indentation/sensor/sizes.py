@@ -1,4 +1,4 @@
-"""Sizes that cannot be meant: sensors and indenters in another unit than mm, and files whose origin lies beside the body."""
+"""Sizes that cannot be meant: sensors and indenters in another unit than mm, and files with their origin off the body."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from gelforge.mechanics.indenters.shapes import rotation_about_axes
 
 # Length in mm of the units in which drawings are saved.
 UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
+
+# Drawings in other units and origins next to the body are asked about (tests/indentation/test_sizes.py):
 SAME_RATIO = 0.05  # ratios of stated to found sizes this near a unit's are that unit's
 # Wider side of a sensor [mm]: from a small fingertip to a forearm's skin. 32 mm taken for inches are 1.3 or 810 mm.
 SENSOR_MM = (3.0, 400.0)
@@ -45,13 +47,13 @@ def check_fits(sensor: Sensor, low: np.ndarray, high: np.ndarray) -> None:
     Raises SurfaceError with the key that mends it: the files' unit, or the point that is the frame's origin.
     """
     shape, wide = sensor.shape, (sensor.width_x_mm, sensor.width_y_mm)
-    found = high[:2] - low[:2]
-    ratio = np.array(wide) / np.maximum(found, 1e-300)
+    extent = high[:2] - low[:2]
+    ratio = np.array(wide) / np.maximum(extent, 1e-300)
     for unit, mm in {**UNITS, "mm": 1.0, "mm, 25.4 times too large": 1 / 25.4}.items():
         same = (np.abs(ratio * shape.mm_per_unit / mm - 1) < SAME_RATIO).all()
         if same and abs(mm / shape.mm_per_unit - 1) > SAME_RATIO:
             raise SurfaceError(
-                f"the surfaces are {found[0]:.4g} x {found[1]:.4g} mm wide, the sensor {wide[0]:g} x {wide[1]:g} mm: are "
+                f"the surfaces are {extent[0]:.4g} x {extent[1]:.4g} mm wide, the sensor {wide[0]:g} x {wide[1]:g} mm: are "
                 f"the files in {unit}? set shape.mm_per_unit: {mm:.6g}, or correct width_x_mm and "
                 "width_y_mm"
             )
@@ -72,7 +74,7 @@ def check_fits(sensor: Sensor, low: np.ndarray, high: np.ndarray) -> None:
 
 
 def check_indenter(study: Study) -> None:
-    """Refuse parts of an indenter that are implausibly small or large, or whose file lies beside its own origin."""
+    """Refuse parts of an indenter that are implausibly small or large, or whose file lies next to its own origin."""
     wide = max(study.sensor.width_x_mm, study.sensor.width_y_mm)
     least, most = INDENTER_SHARE
     limits = least * wide, most * wide
@@ -91,7 +93,7 @@ def check_indenter(study: Study) -> None:
 
 
 def indenter_words(indenter: Indenter) -> list[str]:
-    """Return of each part of an indenter its extents [mm], and of a file where its lowest point is beside the position."""
+    """Return of each part of an indenter its extents [mm], and of a file where its lowest point is next to the position."""
     lines = []
     for part in indenter.shapes:
         corners = part_corners(part)

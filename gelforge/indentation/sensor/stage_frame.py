@@ -6,12 +6,24 @@ import numpy as np
 
 from gelforge.config import StageToSensor
 
-CORNER_MM = 0.1  # nobody presses nearer to the very corner, but positions in metres all land there
-MICROMETRES = 1e3  # in a millimetre
+CORNER_MM = 0.1  # nobody presses nearer to the very corner; 32 mm in metres are 0.032 mm from it
 
 
 def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
-    """Return stage positions (N, 2) [mm] in the sensor frame: R(rotation) H x + origin, H flips y of a left-handed stage."""
+    """Return positions of the stage in the sensor frame: R(rotation) H x + origin, where H flips y of a left-handed stage.
+
+    Parameters
+    ----------
+    xy : numpy.ndarray
+        (N, 2) [mm] in the frame of the stage.
+    stage : StageToSensor
+        Origin [mm], rotation [deg] and handedness.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N, 2) [mm] in the sensor frame.
+    """
     return xy @ axes_of_stage(stage).T + stage.origin_mm
 
 
@@ -23,9 +35,19 @@ def axes_of_stage(stage: StageToSensor) -> np.ndarray:
 
 
 def first_outside(xy: np.ndarray, width_mm: tuple[float, float]) -> tuple[int, str] | None:
-    """Return the number of the first of a session's positions (N, 2) [mm] that cannot be right, and why; None: all can.
+    """Return the first position that cannot be right, and why.
 
-    xy: in the sensor's frame; width_mm: of the sensor along x and y. Positions outside the sensor, or in its very corner.
+    Parameters
+    ----------
+    xy : numpy.ndarray
+        (N, 2) [mm] of a session in the sensor frame.
+    width_mm : (float, float)
+        Of the sensor along x and y.
+
+    Returns
+    -------
+    (int, str) or None
+        Row and words: outside the sensor, or all in its very corner. None where all may be right.
     """
     width = np.array(width_mm)
     outside = ((xy < 0) | (xy > width)).any(axis=1)
@@ -35,17 +57,17 @@ def first_outside(xy: np.ndarray, width_mm: tuple[float, float]) -> tuple[int, s
         return None
     row = int(wrong.argmax())
     x, y = xy[row]
-    found = f"position ({x:.6g}, {y:.6g}) mm in the sensor frame, the sensor is {width[0]} x {width[1]} mm;"
+    stated = f"position ({x:.6g}, {y:.6g}) mm in the sensor frame, the sensor is {width[0]} x {width[1]} mm;"
     if not outside.any():
-        return row, f"{found} correct x_mm, y_mm or stage_to_sensor, is it in metres?"
+        return row, f"{stated} correct x_mm, y_mm or stage_to_sensor, is it in metres?"
     span, sides = np.sort(np.ptp(xy, axis=0)), np.sort(width)
-    if outside.all() and (span <= sides).all() and not _would_fit(xy / MICROMETRES, width):
+    if outside.all() and (span <= sides).all() and not _would_fit(xy / 1e3, width):
         return row, (
-            f"{found} all positions lie outside, but would fit: are they in the robot's frame? Read the robot's position"
+            f"{stated} all positions lie outside, but would fit: are they in the robot's frame? Read the robot's position"
             " over the sensor's corner and set stage_to_sensor: origin_mm, rotation_deg and handedness (of session.yaml, or"
             " under `session` of an import's mapping; docs/importing.md has the formula)"
         )
-    return row, f"{found} correct x_mm, y_mm or stage_to_sensor, is it in micrometres?"
+    return row, f"{stated} correct x_mm, y_mm or stage_to_sensor, is it in micrometres?"
 
 
 def _would_fit(xy: np.ndarray, width: np.ndarray) -> bool:

@@ -18,7 +18,18 @@ D4: dict[str, np.ndarray] = {
 
 
 def inverse(name: str) -> str:
-    """Return the name of the symmetry that takes another one back."""
+    """Return the name of the symmetry that takes another one back.
+
+    Parameters
+    ----------
+    name : str
+        A key of D4.
+
+    Returns
+    -------
+    str
+        A key of D4.
+    """
     return next(other for other, matrix in D4.items() if (matrix == D4[name].T).all())
 
 
@@ -40,14 +51,42 @@ def transform_points(name: str, points: np.ndarray, width: float) -> np.ndarray:
 
 
 def transform_vectors(name: str, vectors: np.ndarray) -> np.ndarray:
-    """Return vectors (..., 3) carried by a symmetry; the z component stays."""
+    """Return vectors carried by a symmetry of the square; the z component stays.
+
+    Parameters
+    ----------
+    name : str
+        A key of D4.
+    vectors : numpy.ndarray
+        (..., 3).
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 3) float64.
+    """
     moved = np.array(vectors, dtype=float)
     moved[..., :2] = moved[..., :2] @ D4[name].T
     return moved
 
 
 def transform_bins(name: str, bins: np.ndarray, n: int) -> np.ndarray:
-    """Return bin forces (..., n*n, 3), bin k = n iy + ix, carried by a symmetry."""
+    """Return forces of bins carried by a symmetry of the square.
+
+    Parameters
+    ----------
+    name : str
+        A key of D4.
+    bins : numpy.ndarray
+        (..., n * n, 3) [N], bin k = n iy + ix.
+    n : int
+        Bins along each side.
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., n * n, 3) [N].
+    """
     index = np.arange(n * n)
     centre = np.stack([index % n, index // n], axis=-1) - (n - 1) / 2
     target = np.rint(centre @ D4[name].T + (n - 1) / 2).astype(int)

@@ -40,9 +40,19 @@ def unrolled(sensor: Sensor, points: np.ndarray) -> np.ndarray:
 
 
 def bin_points(sensor: Sensor) -> np.ndarray:
-    """Return the bins' centres (B, 3) [mm] on the undeformed surface, k = nx iy + ix; z is 0 on a surface from files.
+    """Return the bins' centres on the undeformed surface.
 
     Outside a dome's ellipse, where bins seen from above carry no force, z is that of its rim.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Its shape and bins.
+
+    Returns
+    -------
+    numpy.ndarray
+        (B, 3) [mm] in the sensor frame, bin k = nx iy + ix; z is 0 on a surface from files.
     """
     bins, widths = sensor.bins, np.array([sensor.width_x_mm, sensor.width_y_mm])
     iy, ix = np.divmod(np.arange(bins.nx * bins.ny), bins.nx)
@@ -73,7 +83,20 @@ def rolled(sensor: Sensor, places: np.ndarray) -> np.ndarray:
 
 
 def place_in_bins(sensor: Sensor, x_mm: float, y_mm: float) -> tuple[float, float]:
-    """Return where in the rectangle of the bins the surface's point over (x, y) [mm] of the sensor's frame lies."""
+    """Return where in the rectangle of the bins a point of the surface lies.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Its shape and bins.
+    x_mm, y_mm : float
+        Position in the sensor frame, seen from above.
+
+    Returns
+    -------
+    (float, float)
+        [mm] from the corner of the rectangle.
+    """
     if not is_unrolled(sensor):
         return x_mm, y_mm
     a, b, c = _axes(sensor)
@@ -83,7 +106,18 @@ def place_in_bins(sensor: Sensor, x_mm: float, y_mm: float) -> tuple[float, floa
 
 
 def is_unrolled(sensor: Sensor) -> bool:
-    """Return whether the bins are another grid than the one seen from above."""
+    """Return whether the bins are another grid than the one seen from above.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Its shape and bins.
+
+    Returns
+    -------
+    bool
+        True for a dome whose bins lie over its surface.
+    """
     return sensor.bins.over == "surface" and sensor.shape.kind == "dome"
 
 

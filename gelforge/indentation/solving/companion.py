@@ -122,10 +122,30 @@ def solve_companion(
     planned: PlannedCell,
     uncertain: Mapping[str, Sequence[PrincipalLaw]],
 ) -> tuple[Companion, str, int]:
-    """Return the coarser solution as far as it got, why it ended early, and its number of unknowns.
+    """Return the coarse-mesh solution of a site, as far as it got.
 
-    Effects that make the path another than a plain one (history, residual stretch, a machine that yields) are in its forces;
-    how the forces follow the laws is taken from the plain path, of which they change little.
+    Effects that make the path another than a plain one (history, residual stretch, a machine that yields) are in its
+    forces. How the forces follow the models is taken from the plain path, of which they change little.
+
+    Parameters
+    ----------
+    study : Study
+        As of the site; all sizes of its mesh are doubled.
+    laws : dict of str to PrincipalLaw
+        By material [MPa].
+    planned : PlannedCell
+        The site.
+    uncertain : mapping of str to sequence of PrincipalLaw
+        Moved models by material, as `laws_and_doubts` returns them.
+
+    Returns
+    -------
+    Companion
+        Forces [N] and their slopes [N per standard deviation].
+    str
+        Why it ended early; "" where it did not.
+    int
+        Number of unknowns.
     """
     effects = study.mechanics.effects
     coarser = study.with_values({"mechanics": {"mesh": study.mechanics.mesh.coarser(COARSER)}})

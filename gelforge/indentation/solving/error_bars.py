@@ -5,7 +5,7 @@ far as the coarse-mesh solution got: the same indentation on a mesh with all siz
 bar yet: near the contact's rim the difference of a bin changes sign from place to place. Its mean square over a bin and its
 neighbours does not, and the true error is a stable part of its root, with a small share of the bin's own force.
 
-In a total the errors of near and far size can cancel, at other depths than in the coarse-mesh solution's difference. Beside
+In a total the errors of near and far size can cancel, at other depths than in the coarse-mesh solution's difference. Next to
 a part of that difference stand a part of the bins' bars and two shares of the force. One is what few nodes in contact cannot
 resolve: an error in proportion to the square of element size over contact radius, hence to one over their number. The other
 is what few elements between contact and base cannot: an incompressible gel is squeezed aside in a parabola over its height,
@@ -23,6 +23,7 @@ from scipy.ndimage import gaussian_filter
 
 from gelforge.mechanics.laws.law import PrincipalLaw
 
+# Parts found and checked by `python benchmarks/error_bars.py`:
 COARSER = 2.0  # the coarse-mesh solution's sizes over the site's
 SMOOTHING = 0.6  # standard deviation of the weights of the mean square, of bins along x and y
 PART_BINS = np.array([0.30, 0.30, 0.34])  # x, y, z: of the root mean square difference of bins
@@ -56,10 +57,30 @@ def error_bars(
     companion: Companion,
     through: float,
 ) -> dict[str, np.ndarray]:
-    """Return the error bars of a site's totals (D, 3) and bins (D, B, 3) [N] on a grid of (ny, nx) bins.
+    """Return the error bars of a site's totals and bins: standard deviations by mesh and by material.
 
-    touched (D,): nodes in contact; through: elements between contact and base (sensor_mesh.elements_through). Depths that
-    the coarse-mesh solution did not reach take its last depth's bars, grown with the force.
+    Depths that the coarse-mesh solution did not reach take its last depth's bars, grown with the force.
+
+    Parameters
+    ----------
+    total : numpy.ndarray
+        (D, 3) [N].
+    bins : numpy.ndarray
+        (D, B, 3) [N].
+    touched : numpy.ndarray
+        (D,) nodes in contact.
+    shape : (int, int)
+        ny and nx of the grid of bins.
+    companion : Companion
+        The coarse-mesh solution.
+    through : float
+        Elements between contact and base (`elements_through`).
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        total_sigma_mesh_N and total_sigma_material_N (D, 3), bin_sigma_mesh_N and bin_sigma_material_N (D, B, 3), in
+        N. Where the coarse mesh reached no depth they are as large as the forces.
     """
     reached = len(companion.total)
     if reached == 0:
@@ -68,7 +89,7 @@ def error_bars(
         return {name: size[name.partition("_")[0]] for name in names}
     mesh_bins = _mesh_bins(bins[:reached], companion.bins, shape)
     uncancelled = PART_OF_BINS * np.sqrt((mesh_bins**2).sum(axis=1))
-    found = {
+    bars = {
         "bin_sigma_mesh_N": mesh_bins,
         "total_sigma_mesh_N": np.sqrt(
             mesh_totals(total[:reached], companion.total) ** 2
@@ -80,12 +101,12 @@ def error_bars(
         "total_sigma_material_N": np.sqrt((companion.total_slopes**2).sum(axis=0)),
     }
     if reached == len(total):
-        return found
+        return bars
     size = np.linalg.norm(total, axis=1)
     growth = size[reached:] / size[reached - 1] if size[reached - 1] > 0 else np.ones(len(total) - reached)
     return {
         name: np.concatenate([values, growth.reshape(-1, *[1] * (values.ndim - 1)) * values[-1]])
-        for name, values in found.items()
+        for name, values in bars.items()
     }
 
 
@@ -131,7 +152,7 @@ def laws_moved(
     materials: the material of each layer.
     """
     return [
-        {layer: law if materials[layer] == material else own for layer, own in laws.items()}
+        {layer: law if materials[layer] == material else given for layer, given in laws.items()}
         for material in sorted(set(materials.values()))
         for law in uncertain.get(material, ())
     ]

@@ -43,7 +43,7 @@ def _sources() -> str:
 
 
 def model_inputs(study: Study, laws: Mapping[str, PrincipalLaw]) -> dict:
-    """Return what decides a site's numbers beside its path and the sources: the study's settings of the solver, and laws."""
+    """Return what decides a site's numbers, but its path and the sources: settings of the solver, and laws."""
     materials = {layer.material for layer in study.sensor.layers}
     return {
         "sensor": study.sensor.model_dump(mode="json"),

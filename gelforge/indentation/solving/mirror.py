@@ -15,9 +15,30 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 
 def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> Cell:
-    """Return the site that the symmetry of the plan makes of its source, without section, gel displacement and derivatives.
+    """Return the site that the plan's symmetry makes of another one, without section, gel displacement and derivatives.
 
-    Its seconds are those of the mirroring; the iterations and balances are its source's.
+    Its seconds are those of the mirroring; iterations and balances are those of its source.
+
+    Parameters
+    ----------
+    source : Cell
+        The solved site.
+    study : Study
+        Its sensor and bins.
+    laws : dict of str to PrincipalLaw
+        By material [MPa], for the digest of the inputs.
+    planned : PlannedCell
+        The mirrored site; `symmetry` names a key of D4.
+
+    Returns
+    -------
+    Cell
+        Forces [N] by bin and by node, and totals.
+
+    Raises
+    ------
+    ValueError
+        For a site that mirrors no other.
     """
     wall_clock, cpu_clock = time.perf_counter(), time.process_time()
     name, width, n = planned.symmetry, study.sensor.width_x_mm, study.sensor.bins.nx

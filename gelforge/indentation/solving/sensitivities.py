@@ -33,6 +33,7 @@ from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes, 
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 from gelforge.progress import tracked
 
+# Derivatives against differences of full solutions (tests/indentation/test_stored_sensitivities.py):
 LITTLE_WAY = (
     1e-3  # of what carries nodes per unit, by which they are moved to see how their bins share the forces
 )
@@ -40,7 +41,7 @@ LITTLE_WAY = (
 
 @dataclass(frozen=True)
 class Variation:
-    """A study a little beside another one: what a derivative is taken along."""
+    """A study close to another one: what a derivative is taken along."""
 
     study: Study
     laws: Mapping[str, PrincipalLaw]  # by material
@@ -56,10 +57,10 @@ class Variation:
 
     @cached_property
     def inputs(self) -> str:
-        """The digest of all that decides the derivative beside the run that it belongs to."""
+        """The digest of all that decides the derivative in addition to the run that it belongs to."""
         without = self.without and model_inputs(self.without, self.laws)
-        own = [model_inputs(self.study, self.laws), self.amount, self.alone, without, self.share]
-        return digest([*own, self.instead and self.instead.inputs])
+        parts = [model_inputs(self.study, self.laws), self.amount, self.alone, without, self.share]
+        return digest([*parts, self.instead and self.instead.inputs])
 
 
 @dataclass(frozen=True)
@@ -122,9 +123,32 @@ def derivatives(
     variations: Mapping[str, Variation],
     solution: Solution | None = None,
 ) -> tuple[Cell, dict[str, Derivative]]:
-    """Return a site's forces, and its gel if the study stores it, with derivatives along variations, in their order.
+    """Return a site's forces with their derivatives along variations of the study.
 
-    solution: the site's own, to its end; without, or where it is one in time, the site is solved anew. Raises NotConverged.
+    Parameters
+    ----------
+    study : Study
+        The study as it is.
+    laws : mapping of str to PrincipalLaw
+        By material [MPa].
+    planned : PlannedCell
+        The site.
+    variations : mapping of str to Variation
+        Changed study, models and amount, by name.
+    solution : Solution, optional
+        The site's own, to its end. Without it, or where it is one in time, the site is solved anew.
+
+    Returns
+    -------
+    Cell
+        Forces [N], and the displacement of the gel if the study stores it.
+    dict of str to Derivative
+        By variation, in their order, per unit of its amount.
+
+    Raises
+    ------
+    NotConverged
+        Where a depth was not reached.
     """
     study = unmirrored(study)
     if solution and not solution.followed.steps:
@@ -144,18 +168,28 @@ def derivatives(
             along[name] = (varied, variation.amount)
     # A residual stretch has to find its balance first, as simulate_cell lets it.
     if base.yielding is None and not base.body.remembers and base.body.at_rest:
-        cell, found = _along(study, base, along, solution)
+        cell, slopes = _along(study, base, along, solution)
     else:
-        cell, found = _solved(study, laws, planned), {}
+        cell, slopes = _solved(study, laws, planned), {}
     for name in others:
-        found[name] = subtracted(cell, laws, planned, variations[name].instead or variations[name])
-    return cell, {name: found[name] for name in variations}
+        slopes[name] = subtracted(cell, laws, planned, variations[name].instead or variations[name])
+    return cell, {name: slopes[name] for name in variations}
 
 
 def unmirrored(study: Study) -> Study:
-    """Return the study for one site by itself: whether its images could be mirrored with an effect does not matter.
+    """Return the study for one site by itself, for which it does not matter whether an effect allows mirrored sites.
 
-    Only `d4` asks for it and is refused; `auto` mirrors nothing where it does not hold.
+    Only `d4` asks for symmetry and is refused where it does not hold; `auto` then mirrors nothing.
+
+    Parameters
+    ----------
+    study : Study
+        Stays as it is.
+
+    Returns
+    -------
+    Study
+        With `plan.symmetry: none` in place of `d4`.
     """
     return study.with_values({"plan": {"symmetry": "none"}}) if study.plan.symmetry == "d4" else study
 
@@ -206,7 +240,7 @@ def _along(
     arrays = {"total_force_N": np.sum(forces, axis=1), "bin_force_N": bin_forces(np.array(forces), shares)}
     if stored:
         arrays |= gel_arrays(base.mesh, reached, study.sensor)
-    found = {}
+    derivatives = {}
     for k, name in enumerate(varied):
         nodal = np.array([step[k] for step in slopes])
         motion = np.array([step[k] for step in motions], np.float32) if stored else None
@@ -215,8 +249,8 @@ def _along(
             mesh = replace(base.mesh, X=base.mesh.X + LITTLE_WAY * away)
             there = bin_shares(mesh, study.sensor, study.mechanics.binning)
             bins = bins + bin_forces(np.array(forces), (there - shares) / LITTLE_WAY)
-        found[name] = Derivative(nodal.sum(axis=1), bins, sum(seconds) / len(varied), motion)
-    return Cell(arrays, {}), found
+        derivatives[name] = Derivative(nodal.sum(axis=1), bins, sum(seconds) / len(varied), motion)
+    return Cell(arrays, {}), derivatives
 
 
 def _carried(base: Model, varied: Model, amount: float) -> np.ndarray | None:
@@ -240,9 +274,31 @@ def _at_its_place(base: Model, state: State, slope: np.ndarray, carried: np.ndar
 def subtracted(
     base: Cell, laws: Mapping[str, PrincipalLaw], planned: PlannedCell, variation: Variation
 ) -> Derivative:
-    """Return the difference of two solutions: the varied one less the base, or less what it is to be compared with.
+    """Return a derivative as the difference of two solutions: the varied one less the base, or less what it is to be
+    compared with.
 
-    Raises NotConverged, and ConfigError where one has other gel nodes than the base.
+    Parameters
+    ----------
+    base : Cell
+        The solved site.
+    laws : mapping of str to PrincipalLaw
+        By material [MPa], of the base.
+    planned : PlannedCell
+        The site.
+    variation : Variation
+        Changed study, models and amount.
+
+    Returns
+    -------
+    Derivative
+        Per unit of the variation's amount.
+
+    Raises
+    ------
+    NotConverged
+        Where a depth was not reached.
+    ConfigError
+        Where one solution has other gel nodes than the base.
     """
     clock = time.perf_counter()
     with_it = _solved(variation.study, variation.laws, planned)

@@ -102,9 +102,30 @@ def simulate_in_order(
     trajectories: Iterable[Trajectory],
     grid: PeakGrid | None = None,
 ) -> Iterator[tuple[Cell, PeakGrid | None]]:
-    """Yield the solution of each trajectory in the order recorded, and the softening that is left after it.
+    """Yield the solution of each trajectory in the order recorded, and the softening that is left after it. Each begins
+    relaxed, with the softening of all before it.
 
-    Each begins relaxed, with the softening of all before it: grid is what was left by others, None for an untouched sensor.
+    Parameters
+    ----------
+    sensor : Sensor
+        Geometry and layers.
+    indenter : Indenter
+        Its shape.
+    mechanics : Mechanics
+        Mesh, contact and effects.
+    laws : dict of str to PrincipalLaw
+        By material [MPa].
+    trajectories : iterable of Trajectory
+        Paths of the indenter.
+    grid : PeakGrid, optional
+        Softening that is left by others; None for an untouched sensor.
+
+    Yields
+    ------
+    Cell
+        Forces [N] and states of each depth.
+    PeakGrid or None
+        Softening after it; None for a sensor that does not soften.
     """
     for trajectory in trajectories:
         cell, grid, _ = _simulated(sensor, indenter, mechanics, laws, trajectory, None, grid)

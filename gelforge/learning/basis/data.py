@@ -58,14 +58,14 @@ def training_and_validation(
 def images_of_presses(rows: ShardDataset, index: np.ndarray) -> np.ndarray:
     """Return for each of the rows index (n,) the number of its group: the images of an indentation in one state."""
     groups: dict[tuple, int] = {}
-    found = []
+    images = []
     for start in range(0, len(index), 8192):
         block = rows.read(index[start : start + 8192], ("session", "press", "depth_mm", "total_force_fem_N"))
         # at one depth of a path that moves sideways every state has another force
         forces = map(tuple, block["total_force_fem_N"].tolist())
         keys = zip(block["session"], block["press"], block["depth_mm"].tolist(), forces)
-        found.append([groups.setdefault(key, len(groups)) for key in keys])
-    return np.concatenate([np.empty(0, int), *map(np.array, found)]).astype(int)
+        images.append([groups.setdefault(key, len(groups)) for key in keys])
+    return np.concatenate([np.empty(0, int), *map(np.array, images)]).astype(int)
 
 
 def one_of_each_press(rows: ShardDataset, index: np.ndarray) -> np.ndarray:
@@ -135,8 +135,8 @@ def measure_scaling(
             f"training rows do not vary (input scale {input_scale.tolist()}, output scale {output_scale.tolist()} N); "
             "check the images and the labels"
         )
-    found = (np.asarray(v, np.float32) for v in (mean[0], input_scale, mean[1], output_scale))
-    return Scaling(form, turn, *found)
+    scales = (np.asarray(v, np.float32) for v in (mean[0], input_scale, mean[1], output_scale))
+    return Scaling(form, turn, *scales)
 
 
 def _blocks(

@@ -35,8 +35,8 @@ def is_of_memory(error: Exception) -> bool:
 def _asked_for(text: str) -> str:
     """Return how much was asked for and of which memory, as far as a message says so."""
     where = " of the GPU" if "CUDA" in text else ""
-    found = ASKED.search(text)
-    if not found:
+    match = ASKED.search(text)
+    if not match:
         return where
-    size = found[2] or f"{int(found[1]) / 2**20:.0f} MiB"
+    size = match[2] or f"{int(match[1]) / 2**20:.0f} MiB"
     return f"{where}, {size} were asked for"

@@ -30,11 +30,11 @@ class _Press(torch.autograd.Function):
     @staticmethod
     def forward(ctx, solved: Callable, names: tuple[str, ...], *values: Tensor):
         wanted = [name for name, needed in zip(names, ctx.needs_input_grad[2:]) if needed]
-        found = solved({name: float(value) for name, value in zip(names, values)}, wanted)
+        solution = solved({name: float(value) for name, value in zip(names, values)}, wanted)
         ctx.names = names
-        ctx.slopes = {name: (found.total_slope[name], found.bin_slope[name]) for name in wanted}
+        ctx.slopes = {name: (solution.total_slope[name], solution.bin_slope[name]) for name in wanted}
         ctx.like = [(value.dtype, value.device, value.shape) for value in values]
-        return torch.from_numpy(found.total_force_N), torch.from_numpy(found.bin_force_N)
+        return torch.from_numpy(solution.total_force_N), torch.from_numpy(solution.bin_force_N)
 
     @staticmethod
     @torch.autograd.function.once_differentiable

@@ -13,6 +13,7 @@ from gelforge.recording.optics.camera import project
 if TYPE_CHECKING:
     import torch
 
+# How an image lies on the sensor is found, or said not to be known (tests/learning/test_turns.py):
 LEAST_FOLLOWED = (
     0.5  # share of the places' variance that the flow's centre explains; less says nothing of directions
 )
@@ -50,12 +51,12 @@ def image_on_sensor(centre: np.ndarray, position: np.ndarray, width_mm: np.ndarr
     """
     share = (position - width_mm / 2) / width_mm
     design = np.column_stack([centre, np.ones(len(centre))])
-    found, _, rank, _ = np.linalg.lstsq(design, share, rcond=None)
+    affine, _, rank, _ = np.linalg.lstsq(design, share, rcond=None)
     spread = share.var(axis=0).sum()
-    left = (share - design @ found).var(axis=0).sum()
+    left = (share - design @ affine).var(axis=0).sum()
     if rank < 3 or not spread or left > (1 - LEAST_FOLLOWED) * spread:
         return "identity", False
-    linear, offset = found[:2].T, found[2]  # share = linear @ centre + offset
+    linear, offset = affine[:2].T, affine[2]  # share = linear @ centre + offset
     name = max(D4, key=lambda element: float(np.sum(D4[element] * linear)))
     scale = np.sum(D4[name] * linear) / 2
     uneven = np.abs(linear - scale * D4[name]).max() / scale
@@ -91,9 +92,7 @@ class Turner:
 
         self.names = names
         orders = [[order(name, *grid) for name in names] for grid in ((regions, regions), (nx, ny))]
-        self._regions, self._bins = (
-            torch.from_numpy(np.stack(found)) for found in orders
-        )  # (T, r^2), (T, B)
+        self._regions, self._bins = (torch.from_numpy(np.stack(one)) for one in orders)  # (T, r^2), (T, B)
         self._plane = torch.tensor(np.stack([D4[name] for name in names]), dtype=torch.float32)  # (T, 2, 2)
 
     def __call__(

@@ -17,13 +17,13 @@ INVERSE_LIMIT = 1e-3
 
 def check_equal(model: Model, converted: OnnxModel, where: str) -> list[Difference]:
     """Return the largest difference of each output on trial features; raise ModelError naming those above their limits."""
-    found = differences(model, converted)
-    if wrong := [str(difference) for difference in found if not difference.within]:
+    compared = differences(model, converted)
+    if wrong := [str(difference) for difference in compared if not difference.within]:
         raise ModelError(
             f"{where}: not exported, ONNX Runtime and PyTorch differ in {'; in '.join(wrong)}; update torch, onnx and "
             "onnxruntime, or report the network's settings"
         )
-    return found
+    return compared
 
 
 def differences(model: Model, converted: OnnxModel) -> list[Difference]:
@@ -36,9 +36,9 @@ def differences(model: Model, converted: OnnxModel) -> list[Difference]:
 
 def _force_difference(model: Model, converted: OnnxModel, feature: np.ndarray) -> float:
     """Return the largest difference of raw forces, as a share of an image's largest or of the labels' deviation."""
-    expected, found = model.predict_raw(feature), converted.predict_raw(feature)
+    expected, predicted = model.predict_raw(feature), converted.predict_raw(feature)
     size = np.maximum(np.abs(expected).max(axis=(1, 2)), model.scaling.output_scale.max())
-    return _finite((np.abs(found - expected).max(axis=(1, 2)) / size).max())
+    return _finite((np.abs(predicted - expected).max(axis=(1, 2)) / size).max())
 
 
 def _finite(share: float) -> float:

@@ -25,7 +25,7 @@ IMAGES = 40  # compared
 # Of the largest force, and of the check of totals (1 where that is less). On one machine 1e-6; the flow of another
 # processor's instructions may differ by 1e-4. Another reference, crop or remap gives 1e-1.
 LIMIT = 1e-3
-LEAST_N = 1e-9  # where nothing touches
+LEAST_N = 1e-9  # where nothing touches: keeps 0 / 0 out
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ def held_out(predictions: Predictions, session: str, feature_file: str | Path) -
         named = dict(zip(keys, file["image"].asstr()[()]))
     kept: list[tuple] = []
     for block, *columns in predictions.columns("press", "image_index", "cell", "predicted_N", "true_N"):
-        own = rows[(rows >= block.start) & (rows < block.stop)] - block.start
-        kept += zip(*(column[own] for column in columns))
+        within = rows[(rows >= block.start) & (rows < block.stop)] - block.start
+        kept += zip(*(column[within] for column in columns))
     presses, indices, cells, force, label = zip(*kept)
     try:
         images = tuple(named[press.decode(), int(index)] for press, index in zip(presses, indices))
@@ -84,46 +84,54 @@ def check_held_out(
     frames = (Frame(name, float("nan"), read_grey(image_path(folder, name))) for name in known.images)
     camera = session.camera if session.remap else None
     reference = read_grey(reference_path(folder))
-    found = list(predict_frames(predictor, frames, reference, session.crop_px, camera))
-    off_N = force_differences(predictor.model, found, known.force_N)
+    shown = list(predict_frames(predictor, frames, reference, session.crop_px, camera))
+    off_N = force_differences(predictor.model, shown, known.force_N)
     largest_N = float(max(np.abs(known.force_N).max(), np.abs(known.label_N).max(), LEAST_N))
     outputs = [Difference("forces", float(off_N.max() / largest_N), LIMIT, "the largest force")]
     if predictor.model.check:
-        share = float(disagreement_differences(predictor.model, found, known.disagreement).max())
+        share = float(disagreement_differences(predictor.model, shown, known.disagreement).max())
         outputs.append(Difference("the check of totals", share, LIMIT, "its value, at least 1"))
     if wrong := [str(output) for output in outputs if not output.within]:
         raise ModelError(
-            f"{model}: on {len(found)} held-out images of session {known.session} ONNX Runtime differs from PyTorch in "
+            f"{model}: on {len(shown)} held-out images of session {known.session} ONNX Runtime differs from PyTorch in "
             f"{'; in '.join(wrong)}; evaluate and export the model again on one machine, or set learning.onnx: false"
         )
     touched = int(np.any(known.force_N, axis=(1, 2)).sum())
     sizes = touched, largest_N, float(off_N.max())
-    return OnnxCheck(model_sha256, known.session, len(found), known.sites, *sizes, tuple(outputs))
+    return OnnxCheck(model_sha256, known.session, len(shown), known.sites, *sizes, tuple(outputs))
 
 
-def force_differences(model: OnnxModel, found: Sequence[Prediction], expected: np.ndarray) -> np.ndarray:
+def force_differences(
+    model: OnnxModel, predictions: Sequence[Prediction], expected: np.ndarray
+) -> np.ndarray:
     """Return how far forces are from those expected (n, B, 3) [N]."""
-    return np.min([np.abs(force - expected) for force in _forces(model, found)], axis=0)
+    return np.min([np.abs(force - expected) for force in _forces(model, predictions)], axis=0)
 
 
 def disagreement_differences(
-    model: OnnxModel, found: Sequence[Prediction], expected: np.ndarray
+    model: OnnxModel, predictions: Sequence[Prediction], expected: np.ndarray
 ) -> np.ndarray:
     """Return how far the check of totals is from that expected (n,), as a share of it where it is above 1."""
     assert model.inverse is not None and model.check is not None
-    inverse_total = model.inverse.forces(np.array([prediction.feature for prediction in found])).sum(axis=1)
+    inverse_total = model.inverse.forces(np.array([prediction.feature for prediction in predictions])).sum(
+        axis=1
+    )
     answers = [
-        model.check.disagreement(force.sum(axis=1), inverse_total) for force in _forces(model, found)[1:]
+        model.check.disagreement(force.sum(axis=1), inverse_total)
+        for force in _forces(model, predictions)[1:]
     ]
-    answers.append(np.array([prediction.disagreement for prediction in found]))
+    answers.append(np.array([prediction.disagreement for prediction in predictions]))
     return np.min([np.abs(answer - expected) for answer in answers], axis=0) / np.maximum(expected, 1)
 
 
-def _forces(model: OnnxModel, found: Sequence[Prediction]) -> list[np.ndarray]:
+def _forces(model: OnnxModel, predictions: Sequence[Prediction]) -> list[np.ndarray]:
     """Return forces (n, B, 3) [N], and those of thresholds of exact zeros that differ by LIMIT.
 
     A force that lies within LIMIT of a threshold may be zero in one and not in the other.
     """
-    raw = model.predict_raw(np.array([prediction.feature for prediction in found]))
+    raw = model.predict_raw(np.array([prediction.feature for prediction in predictions]))
     zeros = [Zero(k * model.zero.contact_N, k * model.zero.bin_N) for k in (1 - LIMIT, 1 + LIMIT)]
-    return [np.array([prediction.force_N for prediction in found]), *(zero.applied(raw) for zero in zeros)]
+    return [
+        np.array([prediction.force_N for prediction in predictions]),
+        *(zero.applied(raw) for zero in zeros),
+    ]

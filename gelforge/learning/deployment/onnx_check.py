@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from gelforge.files import write_json
-from gelforge.learning.basis.scaling import ModelError
 
 FORMAT = "gelforge-onnx-check-1"
 
@@ -44,20 +42,18 @@ class OnnxCheck:
 
 
 def write_check(path: str | Path, check: OnnxCheck) -> None:
-    """Write a comparison as JSON."""
+    """Write the comparison of ONNX Runtime with PyTorch as JSON.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    check : OnnxCheck
+        Images compared, largest difference [N], and each output's share of its limit.
+
+    Raises
+    ------
+    FileError
+        For a full disk; what was there before stays.
+    """
     write_json(path, {"format": FORMAT, **asdict(check)})
-
-
-def read_check(path: str | Path) -> OnnxCheck:
-    """Return the comparison that `write_check` wrote. Raises ModelError for another file."""
-    remedy = f"compare again (snakemake -R {path})"
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-        if content.pop("format") != FORMAT:
-            raise ValueError("another format")
-        outputs = tuple(Difference(**output) for output in content.pop("outputs"))
-        return OnnxCheck(**content, outputs=outputs)
-    except FileNotFoundError:
-        raise ModelError(f"{path}: no such file; {remedy}") from None
-    except (AttributeError, KeyError, TypeError, ValueError):
-        raise ModelError(f"{path}: not a comparison of format {FORMAT!r}; {remedy}") from None

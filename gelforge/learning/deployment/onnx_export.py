@@ -88,24 +88,24 @@ def export_onnx(model_path: str | Path, out: str | Path) -> list[Difference]:
     """
     model = load_model(model_path)
     content = onnx_bytes(model, file_sha256(model_path))
-    found = check_equal(model, model_of(content, str(out)), str(model_path))
+    compared = check_equal(model, model_of(content, str(out)), str(model_path))
     with atomic(out, sealed=True) as temporary:
         temporary.write_bytes(content)
-    return found
+    return compared
 
 
 def converted(path: str | Path, threads: int = 1) -> OnnxModel:
     """Return a model.pt as its ONNX model, made in memory (some seconds) and checked."""
     model = load_model(path)
-    found = model_of(onnx_bytes(model, file_sha256(path)), str(path), threads)
-    check_equal(model, found, str(path))
-    return found
+    onnx_model = model_of(onnx_bytes(model, file_sha256(path)), str(path), threads)
+    check_equal(model, onnx_model, str(path))
+    return onnx_model
 
 
 def onnx_bytes(model: Model, sha256: str) -> bytes:
     """Return a model as the bytes of an ONNX file, which keeps a place for its own checksum; any number of rows n."""
     inverse = model.inverse if model.reads_inverse else None
-    whole = FeaturesToNewtons(model.network, model.scaling, inverse).eval()
+    network = FeaturesToNewtons(model.network, model.scaling, inverse).eval()
     example = torch.zeros(2, len(model.scaling.input_mean))
     logs = logging.getLogger("torch.onnx")
     level = logs.level
@@ -114,7 +114,7 @@ def onnx_bytes(model: Model, sha256: str) -> bytes:
         with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
             warnings.simplefilter("ignore")
             program = torch.onnx.export(
-                whole,
+                network,
                 (example,),
                 dynamo=True,
                 opset_version=OPSET,

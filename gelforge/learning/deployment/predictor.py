@@ -55,9 +55,9 @@ class Predictor:
             known.append(f"{' x '.join(map(str, view['image_px'] or learnt))} px{part} (session {session})")
         if not known:
             return crop_px
-        found = " x ".join(map(str, size)) + " px" + (f" of which {crop_px} is used" if crop_px else "")
+        stated = " x ".join(map(str, size)) + " px" + (f" of which {crop_px} is used" if crop_px else "")
         raise ImageError(
-            f"{frame.name}: image of {found}, but the model learnt from images of {', '.join(known)}; record with the same "
+            f"{frame.name}: image of {stated}, but the model learnt from images of {', '.join(known)}; record with the same "
             "camera settings, or give --crop LEFT TOP WIDTH HEIGHT of that size"
         )
 
@@ -129,9 +129,9 @@ class Timing:
         Without a row where no frame is counted.
         """
         columns = ["step", "frames", "p50_ms", "p95_ms", "p99_ms", "fps_at_p50", "fps_at_p99"]
-        whole = np.sum([self.seconds[step] for step in STEPS], axis=0)
+        total = np.sum([self.seconds[step] for step in STEPS], axis=0)
         rows = []
-        for name, values in (*self.seconds.items(), ("whole", whole)) if len(whole) else ():
+        for name, values in (*self.seconds.items(), ("whole", total)) if len(total) else ():
             p50, p95, p99 = np.percentile(values, [50, 95, 99])
             rows.append((name, len(values), 1e3 * p50, 1e3 * p95, 1e3 * p99, 1 / p50, 1 / p99))
         return pd.DataFrame(rows, columns=columns)
@@ -145,11 +145,35 @@ def predict_frames(
     camera: Camera | None = None,
     plane_z_mm: float | None = None,
 ) -> Iterator[Prediction]:
-    """Yield the prediction of each frame, against a zero-force frame or else the first one.
+    """Yield the prediction of each frame.
 
-    Every frame is read, reduced and predicted anew. The first frame pays for what is set up once (search buffers,
-    first call of the network). Raises ImageError for a frame of another size than the reference or than the images that
-    the model learnt from. With a camera, frames are remapped to the model's view where it differs (see `remap_to`).
+    Every frame is read, reduced and predicted anew. The first one pays for what is set up once (search buffers, first call
+    of the network).
+
+    Parameters
+    ----------
+    predictor : Predictor
+        A loaded model.
+    frames : iterable of Frame
+        As `frames` yields them.
+    reference : numpy.ndarray, optional
+        (H, W) uint8 zero-force frame; None for the first frame.
+    crop_px : list of int, optional
+        Left, top, width and height [px].
+    camera : Camera, optional
+        Frames are remapped to the model's view where it differs (`remap_to`).
+    plane_z_mm : float, optional
+        Height of the plane [mm, sensor frame] that both views show at one scale.
+
+    Yields
+    ------
+    Prediction
+        Forces of the bins (B, 3) [N], features, and seconds by step.
+
+    Raises
+    ------
+    ImageError
+        For a frame of another size than the reference, or than the images that the model learnt from.
     """
     settings = predictor.features
     extract, source, first = None, iter(frames), True

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+# Totals that agree are not marked (tests/learning/test_elasticity.py):
 FLOOR_N = 0.1  # added to the force of which a difference is a share: an even pressure hardly moves the gel
 QUANTILE = 0.995  # of known rows that agree
 LEAST_ROWS = 60

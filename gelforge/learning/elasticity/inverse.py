@@ -10,6 +10,7 @@ import numpy as np
 
 from gelforge.learning.basis.scaling import input_flow
 
+# Forces that made a flow are found again (tests/learning/test_elasticity.py):
 # Of the operator's mean squared column: the flow that a force explains is off by a fifth (large strains, the search's
 # smoothing) over lengths of some bins, so that finer detail of the forces is not in it.
 RIDGE = 0.1

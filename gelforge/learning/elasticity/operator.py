@@ -24,11 +24,14 @@ from gelforge.mechanics.meshes.mesh import Mesh as HexMesh
 from gelforge.recording.optics.camera import project, unproject
 from gelforge.virtual_lab.particles import dots_box, gel_boxes, interpolation
 
+# The flow of an even shear and of a shallow indentation is that of closed form and solver
+# (tests/learning/test_elasticity.py):
 PARTS = 2  # of a region's side: the places in it that are followed
 SLAB_MM = 0.7  # thickness of gel whose particles are followed at one height
 ELEMENTS_OF_BIN = 2  # along a bin's side: three change the flow of the benchmark study's labels by 1.6 %
 MOST_ELEMENTS = 60  # along a side
-STEP_MM = 0.01  # of central differences of the projection
+# Of central differences of the projection: they err by the square of the step over the distance, some 1e-7.
+STEP_MM = 0.01
 REFINEMENTS = 2  # of solutions by a factorisation in single precision
 INSIDE_MM = 1e-6
 
@@ -111,19 +114,19 @@ def displacements(
     solver = direct_solver(body.pattern, mechanics.solver.linear_solver)
     solver.factor(values)
     upper = sp.csr_matrix((values, body.pattern.indices, body.pattern.indptr), shape=(size, size))
-    whole = (upper + sp.triu(upper, 1).T).tocsr()
+    symmetric = (upper + sp.triu(upper, 1).T).tocsr()
     free = equation >= 0
     dense = load.toarray() if mesh.ties is None else (load @ mesh.ties).toarray()
     moved = np.zeros((len(dense), 3, *mesh.X.shape))
     for axis in range(3):
         along, held = np.zeros((len(dense), size)), equation[:, axis] >= 0
         along[:, equation[held, axis]] = dense[:, held]
-        found = solver.solve_many(along)
+        solutions = solver.solve_many(along)
         for _ in range(REFINEMENTS):
-            left = along - (whole @ found.T).T
+            left = along - (symmetric @ solutions.T).T
             scale = np.abs(left).max(axis=1, keepdims=True) + 1e-300  # of unit size, as solve_many asks
-            found = found + scale * solver.solve_many(left / scale)
-        moved[:, axis, free] = found[:, equation[free]]
+            solutions = solutions + scale * solver.solve_many(left / scale)
+        moved[:, axis, free] = solutions[:, equation[free]]
     if mesh.ties is not None:
         moved = (mesh.ties @ np.moveaxis(moved, 2, 0).reshape(len(mesh.X), -1)).reshape(
             len(mesh.X), len(dense), 3, 3
@@ -137,14 +140,14 @@ def symmetries(mesh: HexMesh, sensor: Sensor, mechanics: Mechanics) -> dict[str,
     width = np.array([sensor.width_x_mm, sensor.width_y_mm])
     names = names_of(width[0] == width[1] and sensor.bins.nx == sensor.bins.ny)
     names = names if mechanics.effects.has_symmetry_of_square else ("identity",)
-    tree, found = cKDTree(mesh.X), {}
+    tree, permutations = cKDTree(mesh.X), {}
     for name in names:
         carried = mesh.X.copy()
         carried[:, :2] = (carried[:, :2] - width / 2) @ D4[name].T + width / 2
         away, nodes = tree.query(carried)
         if away.max() < INSIDE_MM:
-            found[name] = nodes
-    return found
+            permutations[name] = nodes
+    return permutations
 
 
 def _carrying(seen: sp.csr_matrix, plane: np.ndarray, nodes: np.ndarray) -> sp.csr_matrix:
@@ -179,11 +182,11 @@ def seen_flow(
         points, of = points[inside], region[inside]
         if not len(points):
             continue
-        own, corners = np.unique(
+        cells, corners = np.unique(
             mesh.elements[mesh.region == mesh.regions.index(layer[0])], return_inverse=True
         )
-        local = interpolation(mesh.X[own], corners.reshape(-1, 8), points)
-        at = sp.csr_matrix((local.data, own[local.indices], local.indptr), shape=(len(points), nodes))
+        local = interpolation(mesh.X[cells], corners.reshape(-1, 8), points)
+        at = sp.csr_matrix((local.data, cells[local.indices], local.indptr), shape=(len(points), nodes))
         J = weight * projection_jacobian(camera, points)  # (n, 2, 3)
         gather = sp.csr_matrix((np.ones(len(of)), (of, np.arange(len(of)))), shape=(count, len(of)))
         rows = [sp.hstack([gather @ sp.diags(J[:, i, c]) @ at for c in range(3)]) for i in range(2)]
@@ -204,12 +207,12 @@ def _heights(
         box = dots_box(dots, sensor)
         named = next(
             layer.name
-            for layer, own in zip(sensor.imaged_layers, gel_boxes(sensor))
-            if own[0][2] == box[0][2]
+            for layer, corners in zip(sensor.imaged_layers, gel_boxes(sensor))
+            if corners[0][2] == box[0][2]
         )
         return [((named, box), -dots.depth_mm, 1.0)]
     layers = [layer for layer in sensor.layers if layer.particle_volume_fraction > 0]
-    found, covered = [], 0.0
+    heights, covered = [], 0.0
     for layer, box in zip(layers, gel_boxes(sensor)):
         count = max(1, round((box[1][2] - box[0][2]) / SLAB_MM))
         edges = np.linspace(box[0][2], box[1][2], count + 1)
@@ -219,8 +222,8 @@ def _heights(
             share = -np.exp(-covered) * np.expm1(-per_mm * thick)
             z = bottom + 1 / per_mm - thick / np.expm1(per_mm * thick)
             covered += per_mm * thick
-            found.append(((layer.name, box), float(z), float(share)))
-    return found
+            heights.append(((layer.name, box), float(z), float(share)))
+    return heights
 
 
 def projection_jacobian(camera: Camera, points: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Baselines beside the network: ridge, kernel ridge and nearest neighbours of scikit-learn, and inverse elasticity."""
+"""Baselines next to the network: ridge, kernel ridge and nearest neighbours of scikit-learn, and inverse elasticity."""
 
 from __future__ import annotations
 
@@ -91,14 +91,14 @@ def fit_inverse(
     if not len(index):
         return InverseBaseline(inverse, 1.0, Zero())
     block = rows.read(index, (FEATURE, LABEL, "untouched"))
-    found, true = inverse.forces(block[FEATURE]), block[LABEL].astype(float)
-    gain = total_gain(found, true)
-    return InverseBaseline(inverse, gain, find_zero(gain * found, true, block["untouched"], grid))
+    predicted, true = inverse.forces(block[FEATURE]), block[LABEL].astype(float)
+    gain = total_gain(predicted, true)
+    return InverseBaseline(inverse, gain, find_zero(gain * predicted, true, block["untouched"], grid))
 
 
-def total_gain(found: np.ndarray, true: np.ndarray) -> float:
+def total_gain(predicted: np.ndarray, true: np.ndarray) -> float:
     """Return the factor on distributions (n, B, 3) [N] that brings their total Fz nearest to the true ones'; 1: no force."""
-    push, wanted = (force[..., 2].sum(axis=1, dtype=float) for force in (found, true))
+    push, wanted = (force[..., 2].sum(axis=1, dtype=float) for force in (predicted, true))
     return float(push @ wanted / (push @ push)) if push.any() else 1.0
 
 
@@ -121,7 +121,7 @@ def fit_baselines(
             yield Baseline(name, fitted[0], scaling, Zero())
             continue
         said = [estimator.predict(watched) for estimator in fitted]
-        best = int(np.argmin([np.mean((found - wanted) ** 2) for found in said]))
+        best = int(np.argmin([np.mean((predicted - wanted) ** 2) for predicted in said]))
         zero = find_zero(scaling.newtons(said[best]), scaling.newtons(wanted), untouched, grid)
         yield Baseline(name, fitted[best], scaling, zero)
 

@@ -30,7 +30,7 @@ def error_budget_table(predictions: Predictions) -> pd.DataFrame | None:
     if not predictions.has_truth:
         return None
     names = ("bin_force_N", "contact_point_bin_N", "predicted_N", "flow_px", "flow_off_px")
-    found: dict[str, list[np.ndarray]] = {}
+    by_part: dict[str, list[np.ndarray]] = {}
     for rows, predicted, label, true, contact, from_motion, *flow in predictions.columns(
         "predicted_N", "true_N", *(f"truth/{name}" for name in names)
     ):
@@ -43,10 +43,10 @@ def error_budget_table(predictions: Predictions) -> pd.DataFrame | None:
             (AGAINST_TRUTH, p - t),
             (CONTACT_POINT, c),
         ):
-            found.setdefault(name, []).append(off)
-        found.setdefault("pressed", []).append(y != 0)
-        found.setdefault("flow", []).append(np.stack(flow, axis=1)[on].astype(float))
-    errors = {name: np.concatenate(parts) for name, parts in found.items()}
+            by_part.setdefault(name, []).append(off)
+        by_part.setdefault("pressed", []).append(y != 0)
+        by_part.setdefault("flow", []).append(np.stack(flow, axis=1)[on].astype(float))
+    errors = {name: np.concatenate(parts) for name, parts in by_part.items()}
     return budget_of(errors, predictions.mm_per_px)
 
 

@@ -103,7 +103,7 @@ class RowErrors:
 
 
 def baselines_table(predictions: Predictions) -> pd.DataFrame:
-    """Return the network's errors beside those of what is simpler: what it must beat to be of use.
+    """Return the network's errors next to those of what is simpler: what it must beat to be of use.
 
     Baselines on the same rows and inputs (`baselines`), the mean label of training, no force at all.
     """

@@ -1,4 +1,4 @@
-"""Predictions of the held-out cells, by the network and by the baselines, and of rows it was trained on, beside labels."""
+"""Predictions of the held-out cells, by the network and by the baselines, and of rows it was trained on, next to labels."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from gelforge.learning.models.views import check_same_images, views_of
 from gelforge.progress import tracked
 
 FORMAT = "gelforge-predictions-5"
-BLOCK = 256  # rows in memory at a time
-TRAINING_ROWS = 2000  # at most, whose error stands beside that of test rows
+BLOCK = 256  # rows in memory at a time (no result depends on it)
+TRAINING_ROWS = 2000  # at most, whose error stands next to that of test rows
 KEPT = (
     *("cell", "session", "press", "image_index", "position_mm", "depth_mm", "total_force_ft_N"),
     *("untouched", "phase", "total_force_fem_sigma_N"),
@@ -63,11 +63,35 @@ def predict_test_rows(
     threads: int = 2,
     truth: Truth | None = None,
 ) -> int:
-    """Write the predictions of every row that tests, the network's and the baselines', and return how many rows.
+    """Write the predictions of every row that tests, the network's and the baselines'.
 
     The network's of rows that it was trained on are written too: one image of each indentation, at most TRAINING_ROWS. The
-    baselines are fitted here, on the rows that the network was trained on. truth: of the recordings, where a virtual lab
-    made them.
+    baselines are fitted here, on the rows that the network was trained on.
+
+    Parameters
+    ----------
+    model_path : str or Path
+        model.pt.
+    sets : LearningSets
+        Shards and their splits.
+    study : Study
+        Sensor, features and learning.
+    out : str or Path
+        HDF5 file.
+    threads : int
+        Of PyTorch.
+    truth : Truth, optional
+        Of the recordings, where a virtual lab made them.
+
+    Returns
+    -------
+    int
+        Number of rows.
+
+    Raises
+    ------
+    ModelError
+        For a model that is damaged or of other features.
     """
     torch.set_num_threads(threads)
     model = load_model(model_path)
@@ -97,13 +121,13 @@ def predict_test_rows(
         for baseline in _baselines(learnt, *sides, model, grid, study.seed):
             _write_baseline(file, rows, baseline, bins)
         if truth:
-            own = [path for path in sets.learnt if path in sets.tested]
-            write_truth(file, model, rows, ShardDataset(own, "train"), truth)
+            both = [path for path in sets.learnt if path in sets.tested]
+            write_truth(file, model, rows, ShardDataset(both, "train"), truth)
     return len(rows)
 
 
 def _write_rows(file: h5py.File, rows: ShardDataset, model: Model, bins: int) -> None:
-    """Write what the network says of every row, beside the labels and what is known of the row."""
+    """Write what the network says of every row, next to the labels and what is known of the row."""
     for name in ("predicted_N", "true_N", *(INTERVALS_OF_BINS if model.intervals else ())):
         _create(file, name, (len(rows), bins, 3), "f4", "N", chunks=(1, bins, 3))
     for name in INTERVALS_OF_TOTALS if model.intervals else ():
@@ -141,7 +165,7 @@ def _indenter(about: dict) -> str:
 def _write_training_rows(
     file: h5py.File, rows: ShardDataset, training: np.ndarray, model: Model, seed: int
 ) -> None:
-    """Write what the network says of rows among those that it was trained on (n,), beside the labels."""
+    """Write what the network says of rows among those that it was trained on (n,), next to the labels."""
     index = at_most(one_of_each_press(rows, training), TRAINING_ROWS, seed)
     shape = len(index), *model.scaling.output_mean.shape
     for name in (OF_TRAINING["predicted"], OF_TRAINING["true"]):

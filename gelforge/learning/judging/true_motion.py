@@ -1,4 +1,4 @@
-"""Predictions from the true motion of a virtual lab's particles, written beside those from its images."""
+"""Predictions from the true motion of a virtual lab's particles, written next to those from its images."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gelforge.learning.basis.data import FEATURE
 from gelforge.learning.models.model_file import Model
 from gelforge.virtual_lab.true_presses import TruePress
 
-BLOCK = 256  # rows in memory at a time
+BLOCK = 256  # rows in memory at a time (no result depends on it)
 MOST_LEARNT = 300  # training indentations that show what the flow makes of true motion: 12 seconds
 RIDGE_PX2 = (
     1e-3  # keeps regions that hardly move from a map of their noise; 1e-2 gives the same parts of the error

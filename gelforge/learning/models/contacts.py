@@ -23,14 +23,28 @@ class Contact:
 
 
 def contacts(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> list[Contact]:
-    """Return the contacts of one distribution (B, 3) [N], the strongest first.
+    """Return the contacts of one force distribution, the strongest first.
 
     A contact is a connected region of bins with a force, or a part of it that bins with little pressure divide from
     another; bins between go to the nearest. It counts where its sum presses.
+
+    Parameters
+    ----------
+    force : numpy.ndarray
+        (B, 3) [N], bin k = nx iy + ix.
+    nx, ny : int
+        Bins along x and y.
+    width_mm : numpy.ndarray
+        (2,) of the rectangle of the bins.
+
+    Returns
+    -------
+    list of Contact
+        Force (3,) [N] and centre (2,) [mm] of each.
     """
     field = force.reshape(ny, nx, 3)
     _, regions = _connected((field != 0).any(axis=2))
-    found = []
+    touching = []
     for number, box in enumerate(find_objects(regions), 1):
         pressing = np.maximum(-field[box][..., 2], 0)
         for part in _parts(pressing, regions[box] == number):
@@ -39,8 +53,8 @@ def contacts(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> list[
             total = forces.sum(axis=0)
             if total[2] < 0:
                 at = np.column_stack([columns + box[1].start, rows + box[0].start]) + 0.5
-                found.append(Contact(total, forces[:, 2] @ at / total[2] * width_mm / [nx, ny]))
-    return sorted(found, key=lambda contact: contact.force_N[2])
+                touching.append(Contact(total, forces[:, 2] @ at / total[2] * width_mm / [nx, ny]))
+    return sorted(touching, key=lambda contact: contact.force_N[2])
 
 
 def _parts(pressing: np.ndarray, region: np.ndarray) -> Iterator[np.ndarray]:

@@ -157,20 +157,33 @@ def check_trained_on(path: str | Path, settings: dict) -> None:
 
 def _by_key(settings: dict) -> dict:
     """Return the settings that decide a training, by their dotted keys of a study."""
-    found: dict[str, object] = {}
+    by_key: dict[str, object] = {}
     for part, name in DECIDING.items():
         values = settings.get(part)
         if isinstance(values, dict):
-            found |= {f"{name}.{key}": value for key, value in values.items()}
+            by_key |= {f"{name}.{key}": value for key, value in values.items()}
         elif values is not None:
-            found[name] = values
-    return found
+            by_key[name] = values
+    return by_key
 
 
 def load_model(path: str | Path) -> Model:
     """Return a saved model, ready to predict.
 
-    Raises ModelError naming the file for one that is damaged, or whose numbers are no trained network's.
+    Parameters
+    ----------
+    path : str or Path
+        model.pt of a study.
+
+    Returns
+    -------
+    Model
+        Network, scaling, settings, thresholds and intervals.
+
+    Raises
+    ------
+    ModelError
+        For a file that is missing or damaged, or whose numbers are no trained network's.
     """
     if not Path(path).exists():
         raise ModelError(f"{path}: no such file; a study's model is results/<study>/model/model.pt")

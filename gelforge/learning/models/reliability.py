@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+# Intervals hold nine in ten of other rows, and light touches stay (tests/learning/test_reliability.py):
 QUIET_SHARE = 0.999  # of the untouched validation rows that are to be exactly zero
 MARGIN = 1.5  # times the largest force there: other sessions are noisier than those at hand
 LADDER = np.array([0.5, 1, 2, 4, 8, 16])  # of the bins' threshold over the images'
@@ -34,7 +35,7 @@ class Zero:
 
 
 def find_zero(force: np.ndarray, true: np.ndarray, untouched: np.ndarray, grid: tuple) -> Zero:
-    """Return the thresholds of predicted distributions (n, B, 3) [N] beside the true ones of validation rows (n,).
+    """Return the thresholds of predicted distributions (n, B, 3) [N] next to the true ones of validation rows (n,).
 
     An image touches from a little above the largest force that untouched images show on. A bin of a touched image does from
     the threshold under which the centre of pressure errs least: many bins far away that show a little draw it to the middle
@@ -55,9 +56,21 @@ def find_zero(force: np.ndarray, true: np.ndarray, untouched: np.ndarray, grid: 
 
 
 def centre_of_pressure(force: np.ndarray, nx: int, ny: int, width_mm: np.ndarray) -> np.ndarray:
-    """Return the centre of pressure (n, 2) [mm] of distributions (n, B, 3): moment of the vertical forces over their sum.
+    """Return the centre of pressure of force distributions: moment of the vertical forces over their sum.
 
-    NaN where the sensor is not pressed, that is where the sum is not negative.
+    Parameters
+    ----------
+    force : numpy.ndarray
+        (n, B, 3) [N], bin k = nx iy + ix.
+    nx, ny : int
+        Bins along x and y.
+    width_mm : numpy.ndarray
+        (2,) of the rectangle of the bins.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, 2) [mm]; NaN where the sum of vertical forces is not negative.
     """
     x = (np.arange(nx * ny) % nx + 0.5) * width_mm[0] / nx
     y = (np.arange(nx * ny) // nx + 0.5) * width_mm[1] / ny
@@ -146,9 +159,9 @@ def _by_class(
     if len(names) > 1:
         ratio = np.empty_like(error)  # of each error to the width that the other groups give
         for name in names:
-            own = group == name
-            others = _half_widths(error[~own], which[~own], len(edges) + 1)
-            ratio[own] = error[own] / np.maximum(others[which[own]], LEAST_WIDTH_N)
+            of_group = group == name
+            others = _half_widths(error[~of_group], which[~of_group], len(edges) + 1)
+            ratio[of_group] = error[of_group] / np.maximum(others[which[of_group]], LEAST_WIDTH_N)
         half = half * _conformal(ratio)
     rms = [_root_mean(sigma[which == k] ** 2) for k in range(len(edges) + 1)]
     return edges, half, np.array(rms)
@@ -157,7 +170,7 @@ def _by_class(
 def _half_widths(error: np.ndarray, which: np.ndarray, classes: int) -> np.ndarray:
     """Return the half width (C, 3) of each class of errors (m, 3), that of all errors where a class has none."""
     members = [which == k for k in range(classes)]
-    return np.array([_conformal(error[own] if own.any() else error) for own in members])
+    return np.array([_conformal(error[member] if member.any() else error) for member in members])
 
 
 def _root_mean(variance: np.ndarray) -> np.ndarray:

@@ -18,10 +18,10 @@ def views_of(shards: Sequence[str | Path]) -> dict[str, dict]:
 
 def check_same_images(model: Model, regions: int, views: dict[str, dict]) -> None:
     """Raise ModelError unless recorded images are of the model's kind; views: by session, as `view_of`."""
-    own = model.settings["features"]["regions"]
-    if regions != own:
+    of_model = model.settings["features"]["regions"]
+    if regions != of_model:
         raise ModelError(
-            f"features of {regions} regions a side, but the model reads {own}; set features.regions: {own}"
+            f"features of {regions} regions a side, but the model reads {of_model}; set features.regions: {of_model}"
         )
     learnt = [view for view in (model.settings.get("views") or {}).values() if view]
     for session, view in views.items():

@@ -8,7 +8,7 @@ from torch import nn
 from gelforge.learning.basis.network import Grids, Network, OnGrids, block, seeded
 
 KEYS = ("channels", "symmetry")
-USUAL = {"learning_rate": 3e-3, "batch_size": 32, "steps": 6000}
+USUAL = {"learning_rate": 3e-3, "batch_size": 32, "steps": 6000}  # errors: `python benchmarks/networks.py`
 
 
 class ConvolutionalNetwork(OnGrids):

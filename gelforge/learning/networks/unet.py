@@ -9,7 +9,7 @@ from torch.nn import functional
 from gelforge.learning.basis.network import Grids, Network, OnGrids, block, resized, seeded
 
 KEYS = ("channels", "symmetry")
-USUAL = {"learning_rate": 3e-3, "batch_size": 32, "steps": 6000}
+USUAL = {"learning_rate": 3e-3, "batch_size": 32, "steps": 6000}  # errors: `python benchmarks/networks.py`
 
 
 class UNet(OnGrids):

@@ -9,7 +9,7 @@ from gelforge.learning.basis.network import Grids, Network, seeded
 from gelforge.learning.networks.unet import UNet
 
 KEYS = ("channels", "symmetry")
-USUAL = {"learning_rate": 3e-3, "batch_size": 32, "steps": 6000}
+USUAL = {"learning_rate": 3e-3, "batch_size": 32, "steps": 6000}  # errors: `python benchmarks/networks.py`
 
 
 class UNetInverse(UNet):

@@ -15,8 +15,9 @@ from gelforge.learning.models.model_file import Model
 from gelforge.learning.models.reliability import COVER, Intervals
 from gelforge.progress import tracked
 
+# A sensor of another gain is mended, and by no more than its presses tell (tests/learning/test_adaptation.py):
 LEAST_PRESSES = 5
-BLOCK = 256  # rows in memory at a time
+BLOCK = 256  # rows in memory at a time (no result depends on it)
 GAIN_LIMITS = (0.2, 5.0)  # beyond them the sensor is not of the model's kind
 LEAST_GAIN = 0.95  # of the error left out that a further gain must come below
 SURE = 0.1  # standard deviation of a gain that is taken; small horizontal forces determine none
@@ -122,7 +123,7 @@ def _is_usable(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> b
 
 
 def _deviation(said: np.ndarray, presses: Presses, shared: tuple[int, ...]) -> float:
-    """Return the standard deviation of a gain that axes share; rows of one indentation err alike and count as one."""
+    """Return the standard deviation of a gain that axes share; rows of one indentation err together and count as one."""
     there, wanted = said[:, shared], presses.measured[:, shared]
     size = float((there**2).sum())
     if not size:

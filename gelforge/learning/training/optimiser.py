@@ -11,6 +11,7 @@ from torch import nn
 from gelforge.config.parts.learning import CompleteLearning
 from gelforge.learning.networks import network_of
 
+# Errors and minutes of networks trained so: `python benchmarks/networks.py`:
 WARM_UP = 0.15  # share of the steps in which the step size grows
 LAST_RATE = 1e-3  # of the largest step size, at the end
 WEIGHT_DECAY = 1e-4

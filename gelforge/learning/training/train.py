@@ -77,7 +77,7 @@ def _without_denormals() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a training does with its network, beside the network."""
+    """What a training does with its network, in addition to the network itself."""
 
     learning: CompleteLearning
     grids: Grids
@@ -102,18 +102,41 @@ def train(
     run: Run = Run(),
     inverse: Inverse | None = None,
 ) -> bool:
-    """Train the study's network and write model.pt and loss.csv; return False if the run stopped before the last step.
+    """Train the study's network and write model.pt and loss.csv.
 
     Passes over the training rows follow one another until `learning.steps` are taken; the last one is cut there. The model
     has the weights of the last step. Validation rows decide none of this: their loss is recorded, and thresholds and
     intervals are found on them. Their orbits are neither trained on nor tested.
 
-    A checkpoint `<model>.checkpoint.pt` beside the model holds weights, the optimiser's moments and losses; random numbers
-    depend on seed and pass only. A run that finds one of the same settings and shards goes on from it, with the same result
-    as an uninterrupted run on the same machine and number of threads; one of other settings is discarded. The last run
-    removes it.
+    A checkpoint `<model>.checkpoint.pt` next to the model holds weights, the optimiser's moments and losses; random
+    numbers depend on seed and pass only. A run that finds one of the same settings and shards goes on from it, with the
+    same result as an uninterrupted run on the same machine and number of threads. One of other settings is discarded. The
+    last run removes it.
 
-    inverse: of the study's sensor and camera, kept in the model; a network that reads its forces needs it.
+    Parameters
+    ----------
+    study : Study
+        Network, features, split and seed.
+    shards : sequence of str or Path
+        All shards of the dataset.
+    model_path : str or Path
+        model.pt.
+    loss_path : str or Path
+        loss.csv: the loss of training and validation rows by step.
+    run : Run
+        Threads, and the step after which to stop.
+    inverse : Inverse, optional
+        Of the study's sensor and camera, kept in the model; a network that reads its forces needs it.
+
+    Returns
+    -------
+    bool
+        False if the run stopped before the last step.
+
+    Raises
+    ------
+    DatasetError
+        For shards without images.
     """
     _check_has_images(shards)
     torch.set_num_threads(run.threads or USUAL_THREADS.get(study.learning.network, 1))
@@ -232,12 +255,12 @@ def one_pass(
     return done, total / count
 
 
-def mean_error(found: torch.Tensor, targets: torch.Tensor, relative: bool) -> torch.Tensor:
+def mean_error(predicted: torch.Tensor, targets: torch.Tensor, relative: bool) -> torch.Tensor:
     """Return the mean over rows of the mean squared error of bins (n, 3 B) in scaled units.
 
-    relative: over the row's own mean square and LIGHT, so that light contacts count beside deep ones.
+    relative: over the row's own mean square and LIGHT, so that light contacts count next to deep ones.
     """
-    error = (found - targets).square().mean(dim=1)
+    error = (predicted - targets).square().mean(dim=1)
     return (error / (targets.square().mean(dim=1) + LIGHT) if relative else error).mean()
 
 

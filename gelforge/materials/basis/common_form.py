@@ -76,11 +76,6 @@ class MaterialTest:
         return self.nominal_stress * self.stretch
 
     @property
-    def load_case(self) -> str:
-        """Return the load case whose closed form a law is compared with."""
-        return LOAD_CASE_OF[self.test]
-
-    @property
     def abscissa(self) -> str:
         """Return what `stretch` is called in a sentence."""
         return "shear" if self.test == "simple_shear" else "stretch"
@@ -98,8 +93,8 @@ class MaterialTest:
 
     def of_kind(self, kind: str, cycle: int | None = None) -> list[MaterialTest]:
         """Return the parts that load, unload or hold, of one cycle or of all; a hold's rate is 0."""
-        found = [s for s in self.segments if s.kind == kind and cycle in (None, s.cycle)]
-        return [replace(self.part(s.rows), cycle=s.cycle) for s in found]
+        chosen = [s for s in self.segments if s.kind == kind and cycle in (None, s.cycle)]
+        return [replace(self.part(s.rows), cycle=s.cycle) for s in chosen]
 
 
 HOLD_MOVES = 0.1  # of the longest way of a segment: a hold moves by creep alone

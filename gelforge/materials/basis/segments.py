@@ -11,6 +11,8 @@ import numpy as np
 from gelforge.materials.basis.common_form import Segment
 from gelforge.robust import SIGMA_OF_MEDIAN
 
+# Stairs and cycles are cut into their parts; noise of 0.6 % and an encoder that sticks change none
+# (tests/materials/test_segments.py):
 TOLERANCE = 0.01  # of the range of stretch: noise of the strain measurement, not a reversal
 HOLD_RATE = 0.1  # of the typical rate while moving; below it a piece that hardly moves is a hold,
 HOLD_LENGTH = 5  # if it lasts longer than the movement takes for this many tolerances (an encoder may stick)

@@ -36,9 +36,21 @@ def mean_of(values) -> Mean:
 
 
 def row_noise(values: np.ndarray, least: int = 5) -> float:
-    """Return the standard deviation of one row about the line through its neighbours (robust), 0 for fewer rows than least.
+    """Return the standard deviation of one row about the line through its neighbours, by a robust scatter.
 
     The deviation of a row from its neighbours' mean has 3/2 of the variance of a row.
+
+    Parameters
+    ----------
+    values : numpy.ndarray
+        (n,) evenly spaced.
+    least : int
+        Fewer rows give 0.
+
+    Returns
+    -------
+    float
+        In the unit of the values.
     """
     if len(values) < least:
         return 0.0
@@ -53,9 +65,25 @@ def channel_step(values: np.ndarray) -> float:
 
 
 def resampled(model: np.ndarray, residual: np.ndarray, draws: int, rng) -> Iterator[np.ndarray]:
-    """Yield a model (n,) with resampled blocks of its residuals (n,), `draws` times; neighbours stay together.
+    """Yield a model with resampled blocks of its residuals; neighbours stay together.
 
     Blocks are n^(1/3) rows long (Kuensch 1989, doi 10.1214/aos/1176347265) and run over the end into the beginning.
+
+    Parameters
+    ----------
+    model : numpy.ndarray
+        (n,).
+    residual : numpy.ndarray
+        (n,), in the unit of the model.
+    draws : int
+        Number of resampled models.
+    rng : numpy.random.Generator
+        Draws the blocks.
+
+    Yields
+    ------
+    numpy.ndarray
+        (n,).
     """
     n = len(model)
     block = max(1, round(n ** (1 / 3)))

@@ -1,4 +1,4 @@
-"""Which tests of a material may be compared: alike in all circumstances but one."""
+"""Which tests of a material may be compared: equal in all circumstances but one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def circumstance_effects(tests: list[MaterialTest]) -> tuple[list[MeasuredEffect
     Compared are tests of one kind that differ in one circumstance only. Ramps to a hold are not compared with
     loadings to the end: their rates are those of a few rows.
     """
-    found, not_judged = [], []
+    effects, not_judged = [], []
     for kind in dict.fromkeys(t.test for t in tests):
         first_loadings = [t for t in tests if t.test == kind and t.cycle in (None, 1) and _loads(t)]
         for ramps in (False, True):
@@ -36,13 +36,13 @@ def circumstance_effects(tests: list[MaterialTest]) -> tuple[list[MeasuredEffect
             repeats = _repeats(group)
             for number, circumstance in enumerate(CIRCUMSTANCES):
                 new, reasons = _judged(group, keys, number, circumstance, repeats)
-                found += new
+                effects += new
                 not_judged += [(circumstance.effect, reason) for reason in reasons]
-    judged = {e.effect for e in found} | {effect for effect, _ in not_judged}
+    judged = {e.effect for e in effects} | {effect for effect, _ in not_judged}
     for circumstance in CIRCUMSTANCES[:3]:
         if circumstance.effect not in judged:
             not_judged.append((circumstance.effect, _why_not(circumstance, tests)))
-    return found, not_judged
+    return effects, not_judged
 
 
 def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]) -> list[MeasuredEffect]:
@@ -50,24 +50,24 @@ def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]
 
     The share is that of the stress where the hold begins, as measured: compared are holds after ramps of one rate.
     """
-    found = []
+    effects = []
     for kind in dict.fromkeys(t.test for t in tests):
         chosen = [i for i, t in enumerate(tests) if t.test == kind]
         group = [tests[i] for i in chosen]
         keys = [(*key, level) for key, level in zip(_keys(group), _held_levels([fits[i] for i in chosen]))]
         for number, circumstance in enumerate(CIRCUMSTANCES[1:], start=1):
             for members in _groups(keys, number):
-                alike, held = [group[i] for i in members], [fits[chosen[i]] for i in members]
+                members_of_group, held = [group[i] for i in members], [fits[chosen[i]] for i in members]
                 begin, end = common_hold(held)
                 y = np.log([1 - fit.drop_between(begin, end) for fit in held])
-                values = np.array([circumstance.of(test) for test in alike])
+                values = np.array([circumstance.of(test) for test in members_of_group])
                 level = float(np.median([fit.stretch for fit in held]))
                 share_left = f"share of stress left from {begin:.3g} to {end:.3g} s of hold"
                 effect = line_effect(
-                    circumstance, values, y, (level, level), alike[0].abscissa, quantity=share_left
+                    circumstance, values, y, (level, level), members_of_group[0].abscissa, quantity=share_left
                 )
-                found.append(_measured(circumstance.effect, kind, effect, alike))
-    return found
+                effects.append(_measured(circumstance.effect, kind, effect, members_of_group))
+    return effects
 
 
 def common_hold(held: list[Relaxation]) -> tuple[float, float]:
@@ -76,12 +76,12 @@ def common_hold(held: list[Relaxation]) -> tuple[float, float]:
 
 
 def alike_groups(tests: list[MaterialTest]) -> list[list[MaterialTest]]:
-    """Return the tests of one kind in groups that are alike in every circumstance, as far as it is known."""
+    """Return the tests of one kind in groups that are equal in every circumstance, as far as it is known."""
     return _grouped(tests, [(test.test, *key) for test, key in zip(tests, _keys(tests))])
 
 
 def alike_holds(held: list[tuple[MaterialTest, Relaxation]]) -> list[list[tuple[MaterialTest, Relaxation]]]:
-    """Return the holds of one kind of test in groups that are alike in every circumstance and in the held strain."""
+    """Return the holds of one kind of test in groups that are equal in every circumstance and in the held strain."""
     tests, levels = [test for test, _ in held], _held_levels([fit for _, fit in held])
     return _grouped(held, [(test.test, *key, level) for test, key, level in zip(tests, _keys(tests), levels)])
 
@@ -94,7 +94,7 @@ def _grouped(items: list, keys: list[tuple]) -> list[list]:
 
 
 def _held_levels(held: list[Relaxation]) -> list[int]:
-    """Return for each hold the number of its cluster of alike strains: relaxation of a soft solid depends on strain."""
+    """Return for each hold the number of its cluster of equal strains: relaxation of a soft solid depends on strain."""
     strains = [fit.stretch - (fit.abscissa == "stretch") for fit in held]
     levels = [(np.sign(e), np.log(max(abs(e), 1e-6))) for e in strains]
     known = sorted(set(levels))
@@ -110,7 +110,7 @@ def _loads(test: MaterialTest) -> bool:
 
 
 def _keys(tests: list[MaterialTest]) -> list[tuple]:
-    """Return for each test the numbers of its clusters of alike values, one per circumstance; None is unknown."""
+    """Return for each test the numbers of its clusters of equal values, one per circumstance; None is unknown."""
     columns = []
     for circumstance in CIRCUMSTANCES:
         values = [getattr(t, circumstance.attribute) for t in tests]
@@ -122,7 +122,7 @@ def _keys(tests: list[MaterialTest]) -> list[tuple]:
 
 
 def _groups(keys: list[tuple], number: int) -> list[list[int]]:
-    """Return the tests that are alike but in circumstance `number`, where it takes two values at least."""
+    """Return the tests that are equal but in circumstance `number`, where it takes two values at least."""
     groups: dict[tuple, list[int]] = {}
     for i, key in enumerate(keys):
         if key[number] is not None:
@@ -138,18 +138,18 @@ def _repeats(tests: list[MaterialTest]) -> Scatter | None:
 
 
 def _judged(tests, keys, number, circumstance, repeats) -> tuple[list[MeasuredEffect], list[str]]:
-    found, reasons = [], []
+    effects, reasons = [], []
     for members in _groups(keys, number):
-        alike = [tests[i] for i in members]
+        members_of_group = [tests[i] for i in members]
         try:
-            effect = effect_of(circumstance, alike, repeats)
+            effect = effect_of(circumstance, members_of_group, repeats)
         except ValueError as error:
             reasons.append(str(error))
             continue
-        found.append(_measured(circumstance.effect, alike[0].test, effect, alike))
-    if not found and not reasons and len({key[number] for key in keys} - {None}) > 1:
+        effects.append(_measured(circumstance.effect, members_of_group[0].test, effect, members_of_group))
+    if not effects and not reasons and len({key[number] for key in keys} - {None}) > 1:
         reasons.append(f"{circumstance.word} changes only together with other covariates; test one at a time")
-    return found, reasons
+    return effects, reasons
 
 
 def _measured(name: str, kind: str, effect: Effect, tests: list[MaterialTest]) -> MeasuredEffect:

@@ -18,12 +18,13 @@ from scipy import stats
 
 from gelforge.materials.basis.common_form import MaterialTest
 
+# Known effects are found and named (tests/materials/test_measured_effects.py):
 NOTABLE_TURN = (
     0.1  # of ln stress between both ends of the comparison: the curves differ in shape, not by a factor
 )
 NEGLIGIBLE = 0.05  # relative change of stress over the tested span; samples of one sheet scatter by as much
-UNLIKELY_SCATTER = 2 * NEGLIGIBLE  # of samples made alike: what needs more is no chance
-CONFIDENCE = 0.95
+UNLIKELY_SCATTER = 2 * NEGLIGIBLE  # of samples made in the same way: what needs more is no chance
+CONFIDENCE = 0.95  # of every interval of a material, as percentile_interval has 95 %
 LEVELS = 40  # stretches at which curves are compared
 LOW_STRAIN_SHARE = 0.2  # of the common range: there the stress is small and its offset counts
 
@@ -146,11 +147,11 @@ class Scatter:
 
 def scatter_between(groups: list[list[MaterialTest]]) -> Scatter:
     """Return the scatter between samples, pooled over groups of repeats made under the same circumstances."""
-    found = [levels(group)[0] for group in groups if len(group) > 1]
-    freedom = sum(len(y) - 1 for y in found)
+    logarithms = [levels(group)[0] for group in groups if len(group) > 1]
+    freedom = sum(len(y) - 1 for y in logarithms)
     if not freedom:
         raise ValueError("no group has two tests; scatter between samples needs repeats")
-    squares = sum(float(((y - y.mean()) ** 2).sum()) for y in found)
+    squares = sum(float(((y - y.mean()) ** 2).sum()) for y in logarithms)
     return Scatter(float(np.sqrt(squares / freedom)), freedom)
 
 

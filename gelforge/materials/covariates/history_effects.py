@@ -34,8 +34,8 @@ Found = tuple[list[MeasuredEffect], list[tuple[str, str]]]
 
 
 def relaxation_effects(tests: list[MaterialTest]) -> Found:
-    """Return the first hold of each test, the mean of tests made alike, and what circumstances do to it."""
-    found, not_judged, held = [], [], []
+    """Return the first hold of each test, the mean of tests made in the same way, and what circumstances do to it."""
+    effects, not_judged, held = [], [], []
     for test in tests:
         if test.time_s is None or not any(s.kind == "hold" for s in test.segments):
             continue
@@ -45,15 +45,15 @@ def relaxation_effects(tests: list[MaterialTest]) -> Found:
             not_judged.append(("relaxation", str(error)))
             continue
         held.append((test, fit))
-        found.append(_relaxation(test, fit))
+        effects.append(_relaxation(test, fit))
     for group in alike_holds(held):
         if len(group) >= LEAST_SAMPLES:
-            found.append(_mean_relaxation(group[0][0].test, group))
+            effects.append(_mean_relaxation(group[0][0].test, group))
     if held:
-        found += relaxation_by_circumstance([t for t, _ in held], [f for _, f in held])
+        effects += relaxation_by_circumstance([t for t, _ in held], [f for _, f in held])
     elif not not_judged:
         not_judged.append(("relaxation", "no hold with a time; test one"))
-    return found, not_judged
+    return effects, not_judged
 
 
 def _first_hold(test: MaterialTest) -> int:
@@ -128,29 +128,29 @@ def _mean_relaxation(kind: str, held: list[tuple[MaterialTest, Relaxation]]) -> 
 
 def cycle_effects(tests: list[MaterialTest]) -> Found:
     """Return hysteresis of the first cycle, softening of the second and Ogden-Roxburgh's parameters, by kind of test."""
-    found, not_judged = [], []
+    effects, not_judged = [], []
     for group in alike_groups([t for t in tests if any(s.kind == "unload" for s in t.segments)]):
         closed = [
             (test, cycles[0]) for test in group if (cycles := loops(test)) and cycles[0].loading_work > 0
         ]
         together = [closed] if len(closed) >= LEAST_SAMPLES else [[one] for one in closed]
-        found += [_hysteresis(group[0].test, first) for first in together]
+        effects += [_hysteresis(group[0].test, first) for first in together]
     for kind in dict.fromkeys(t.test for t in tests):
         of_kind = [t for t in tests if t.test == kind]
         cycled = [t for t in of_kind if any(s.kind == "unload" for s in t.segments)]
         changes, names, reasons = _softenings(of_kind, cycled)
         not_judged += [("softening", reason) for reason in reasons]
         if changes:
-            found.append(_softening(kind, changes, names))
+            effects.append(_softening(kind, changes, names))
         if cycled and changes:  # one loop alone cannot distinguish damage from viscosity
-            found.append(_ogden_roxburgh(kind, cycled))
+            effects.append(_ogden_roxburgh(kind, cycled))
     for effect, reason in (
         ("hysteresis", "no unloading in the tests"),
         ("softening", "no second loading of a sample"),
     ):
-        if effect not in {e.effect for e in found} | {e for e, _ in not_judged}:
+        if effect not in {e.effect for e in effects} | {e for e, _ in not_judged}:
             not_judged.append((effect, reason))
-    return found, not_judged
+    return effects, not_judged
 
 
 def _hysteresis(kind: str, first: list[tuple[MaterialTest, Loop]]) -> MeasuredEffect:
@@ -253,8 +253,8 @@ def _ogden_roxburgh(kind: str, cycled: list[MaterialTest]) -> MeasuredEffect:
 
 
 def lateral_effects(tests: list[MaterialTest]) -> Found:
-    """Return ln lam_2 / ln lam_1 of tests whose lateral stretch was tracked, beside that of constant volume."""
-    found = []
+    """Return ln lam_2 / ln lam_1 of tests whose lateral stretch was tracked, next to that of constant volume."""
+    effects = []
     for kind, expected in ISOCHORIC.items():
         slopes = {}
         for test in (t for t in tests if t.test == kind):
@@ -275,7 +275,7 @@ def lateral_effects(tests: list[MaterialTest]) -> Found:
             "negligible": f"the departure from {expected:g} of constant volume is negligible (within {NEGLIGIBLE:g})",
             "undecided": f"it is not decided whether it departs from {expected:g} of constant volume",
         }.get(verdict, f"significant departure from {expected:g}: volume changes, or the test is not {kind}")
-        found.append(
+        effects.append(
             MeasuredEffect(
                 "lateral_contraction",
                 kind,
@@ -291,6 +291,6 @@ def lateral_effects(tests: list[MaterialTest]) -> Found:
                 {"constant_volume": expected, "slope_by_sample": slopes},
             )
         )
-    return found, [] if found else [
+    return effects, [] if effects else [
         ("lateral_contraction", f"stretch_2 is tracked in fewer than {LEAST_SAMPLES} samples")
     ]

@@ -1,4 +1,4 @@
-r"""Relaxation at a held stretch: a Prony series by non-negative least squares, and a power law beside it.
+r"""Relaxation at a held stretch: a Prony series by non-negative least squares, and a power law.
 
 .. math:: P(t) = P_0 [g_\infty + \sum_i g_i e^{-t/\tau_i}], \qquad g_\infty + \sum_i g_i = 1.
 
@@ -18,6 +18,7 @@ from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.statistics import percentile_interval, resampled
 from gelforge.materials.covariates.effects import NEGLIGIBLE
 
+# Relaxation of SYNTHETIC samples is found, in ramps too (tests/materials/test_measured_effects.py):
 BINS_PER_DECADE = 15  # rows are averaged in equal bins of log time: late, dense rows shall not decide alone
 # Closer times cannot be distinguished: the kernel exp(-t/tau) is a decade wide (Baumgaertel & Winter 1989, one to two a
 # decade).
@@ -227,8 +228,8 @@ def _refined(time, stress, times, ramp, evaluations: int | None = None) -> np.nd
         return (_prony(time, stress, np.exp(log_times), ramp)[1] - stress) / scale
 
     start = np.clip(np.log(times), low + 1e-3, high - 1e-3)
-    found = least_squares(residual, start, bounds=(low, high), max_nfev=evaluations, xtol=1e-4, ftol=1e-6)
-    return np.exp(np.sort(found.x))
+    fitted = least_squares(residual, start, bounds=(low, high), max_nfev=evaluations, xtol=1e-4, ftol=1e-6)
+    return np.exp(np.sort(fitted.x))
 
 
 def _bic(rms: float, points: int, parameters: int) -> float:

@@ -14,7 +14,7 @@ from gelforge.materials.fitting.fit import FitError, LawFit, Problem
 from gelforge.mechanics.laws.family import Family
 from gelforge.workers import each
 
-CHUNK = 125  # refits per task
+CHUNK = 125  # refits per task; each has a seed of its own (no result depends on it)
 CHUNKS = f"bootstrap, {CHUNK} refits each"
 
 

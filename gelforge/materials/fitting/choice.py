@@ -67,7 +67,6 @@ class Comparison:
 
     candidates: list[Candidate]
     chosen: Candidate
-    effective_points: float
     chosen_by: str  # "aicc", "held_out" or "first"
     widths: list[PredictionWidth]
     fallback: tuple[str, ...] = ()  # which models were replaced by simpler ones, and why
@@ -101,15 +100,15 @@ class Comparison:
     @property
     def identifiability(self) -> list[str]:
         """Return where the chosen law is not determined by the tests, with the width of its prediction there."""
-        fit, found = self.chosen.fitted, []
+        fit, words = self.chosen.fitted, []
         poor = [w for w in self.widths if not w.determined]
         poor = self.widths if len(fit.samples) == 1 else poor  # one load case never shows the others
         if poor:
-            found.append(
+            words.append(
                 "NOT IDENTIFIABLE from " + " and ".join(fit.samples) + " alone; add the missing tests"
             )
-            found += [w.text for w in poor]
-        return found
+            words += [w.text for w in poor]
+        return words
 
     @property
     def reason(self) -> str:
@@ -163,35 +162,55 @@ class Comparison:
 def compare_laws(
     curves: list[MeanCurve], names: list[str], loss: str = "linear", choose: str = "aicc"
 ) -> Comparison:
-    """Return the comparison of laws by name; raise FitError where none is determined and stable.
+    """Return the comparison of constitutive models by name, and which is chosen.
 
-    choose: "aicc" (lowest among the laws that describe the tests, where any does: the few points that a smooth
-    misfit is worth would let a straight line win over a curve), "held_out" (least error of tests left out; AICc where
-    there is one kind of test only), or "first" (the first name, which must be determined). A model with a parameter at its
-    bound gives way to a simpler one that is as good, within NO_SUPPORT of AICc or SAME_ERROR. Where no model is determined,
-    simpler ones of their families that describe the tests are fitted in their place.
+    A model with a parameter at its bound gives way to a simpler one that is as good, within NO_SUPPORT of AICc or
+    SAME_ERROR. Where no model is determined, simpler ones of their families that describe the tests are fitted in their
+    place.
 
-    AICc = n ln(misfit^2) + 2 q + 2 q (q + 1) / (n - q - 1) with q = parameters + 1 (Hurvich & Tsai 1989), n the number
-    of points that the correlated residuals of the closest law are worth.
+    AICc = n ln(misfit^2) + 2 q + 2 q (q + 1) / (n - q - 1) with q = parameters + 1 (Hurvich & Tsai 1989), n the number of
+    points that the correlated residuals of the closest model are worth.
+
+    Parameters
+    ----------
+    curves : list of MeanCurve
+        As `mean_curves` returns them.
+    names : list of str
+        Keys of FAMILIES.
+    loss : str
+        "linear" for least squares, "soft_l1" against outliers.
+    choose : str
+        "aicc": the lowest among the models that describe the tests, where any does. "held_out": the least error of
+        tests left out, or AICc where there is one kind of test. "first": the first name, which must be determined.
+
+    Returns
+    -------
+    Comparison
+        All candidates, the chosen one, and how far it is determined where nothing was tested.
+
+    Raises
+    ------
+    FitError
+        Where no model is determined and stable.
     """
     if not names:
         raise FitError(f"no constitutive model is named; give some of {', '.join(FAMILIES)}")
     fits = {name: _fit_or_reason(curves, name, loss) for name in dict.fromkeys(names)}
     fallback = _simpler_fits(curves, fits, loss, choose)
-    found = {name: fit for name, fit in fits.items() if isinstance(fit, LawFit)}
-    n = _independent_points(curves, list(found.values())) if found else float("nan")
+    fitted = {name: fit for name, fit in fits.items() if isinstance(fit, LawFit)}
+    n = _independent_points(curves, list(fitted.values())) if fitted else float("nan")
     candidates = []
     for name, fit in fits.items():
         refused = str(fit) if isinstance(fit, FitError) else ""
         aicc = float("nan") if isinstance(fit, FitError) else _aicc(n, fit)
-        candidates.append(Candidate(name, found.get(name), refused, aicc, held_out_errors(curves, name)))
+        candidates.append(Candidate(name, fitted.get(name), refused, aicc, held_out_errors(curves, name)))
     usable = [c for c in candidates if c.usable]
     if not usable:
         reasons = "; ".join(c.refused or f"{c.name}: {', '.join(c.fitted.notes)}" for c in candidates)
         raise FitError(f"no constitutive model of {', '.join(fits)} is determined and stable: {reasons}")
     chosen = _chosen(candidates, choose, fallback)
     said = tuple(f"{new} IS FITTED IN PLACE OF {name}. {fits[name]}" for name, new in fallback.items())
-    return Comparison(candidates, chosen, n, choose, prediction_widths(curves, chosen.fitted), said)
+    return Comparison(candidates, chosen, choose, prediction_widths(curves, chosen.fitted), said)
 
 
 def _fit_or_reason(curves: list[MeanCurve], name: str, loss: str) -> LawFit | FitError:
@@ -251,11 +270,11 @@ def _chosen(candidates: list[Candidate], choose: str, fallback: dict[str, str]) 
     return _without_idle(best, [c for c in described if c.aicc <= best.aicc + NO_SUPPORT], "aicc")
 
 
-def _without_idle(best: Candidate, alike: list[Candidate], criterion: str) -> Candidate:
-    """Return the best model, or where it has parameters at their bounds the best simpler one of those alike."""
+def _without_idle(best: Candidate, similar: list[Candidate], criterion: str) -> Candidate:
+    """Return the best model, or where it has parameters at their bounds the best simpler one of similar ones."""
     if not best.fitted.at_bound:
         return best
-    simpler = [c for c in alike if c.parameters < best.parameters and not c.fitted.at_bound]
+    simpler = [c for c in similar if c.parameters < best.parameters and not c.fitted.at_bound]
     return min(simpler, key=lambda c: getattr(c, criterion), default=best)
 
 

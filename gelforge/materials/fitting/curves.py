@@ -70,8 +70,18 @@ class MeanCurve:
 def mean_curves(tests: list[MaterialTest]) -> list[MeanCurve]:
     """Return one averaged curve per test and measured stress, in the order of LOAD_CASE_OF.
 
-    The grid spans the stretches that every sample of the test reached, so that each point averages all samples. A
-    single sample with few rows keeps its own. Biaxial samples are not averaged: each has its own second stretch.
+    The grid spans the stretches that every sample of the test reached: each point averages all samples. A single sample
+    with few rows keeps its own. Biaxial samples are not averaged: each has its own second stretch.
+
+    Parameters
+    ----------
+    tests : list of MaterialTest
+        Of one material; stretch [-] and nominal stress [MPa].
+
+    Returns
+    -------
+    list of MeanCurve
+        Stretch (n,) [-] and nominal stress of each sample (s, n) [MPa].
     """
     curves = []
     for kind in LOAD_CASE_OF:

@@ -28,15 +28,16 @@ LEAST_SPREAD = 0.1  # of a test's sum of squares: a short piece of a curve must 
 LOSSES = ("linear", "soft_l1")  # quadratic, or growing only linearly beyond 1.345 robust standard deviations
 # of the median absolute residual (Huber 1964: 95 % efficient for normal scatter)
 ROBUST_SCALE = 1.345 * SIGMA_OF_MEDIAN
-WORST_CONDITION = 1e7  # of the Jacobian with columns of length one: half of the digits of double precision
+WORST_CONDITION = 1e7  # of the Jacobian with columns of length 1: half of the 16 digits of double precision
 ROWS_PER_PARAMETER = 3  # fewer rows than that cannot show a misfit
 FEW_ROWS = 12  # in a test: a curve whose shape between the rows is not seen; named in a note
+# Relative tolerances: to rank starts; so that another machine gives the same 10 digits.
 COARSE, FINE = (
     1e-6,
     1e-15,
-)  # relative tolerances: to rank starts; so that another machine gives the same ten digits
+)
 
-NEIGHBOUR = 1e-8  # from a neighbouring fit: far below the scatter between samples
+NEIGHBOUR = 1e-8  # from a neighbouring fit: far below the scatter between samples, 1e-2
 
 
 class FitError(ValueError):
@@ -82,11 +83,11 @@ class LawFit:
         T = self.family.values(self.theta)[1]
         return T @ self.theta_covariance @ T.T
 
-    def stress_interval(self, points: StressPoints, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the nominal stress (n,) [MPa] and the half-width (n,) of its interval, from the covariance."""
+    def stress_interval(self, points: StressPoints) -> tuple[np.ndarray, np.ndarray]:
+        """Return the nominal stress (n,) [MPa] and the half-width (n,) of its 95 % interval, from the covariance."""
         stress, J = self.family.stress(points, self.theta)
         sigma = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", J, self.theta_covariance, J), 0))
-        return stress, student.ppf(0.5 + level / 2, self.freedom) * sigma
+        return stress, student.ppf(0.975, self.freedom) * sigma
 
 
 def fit_law(
@@ -213,8 +214,8 @@ class Problem:
         starts = family.starts(self.points, self.weight, self.mean, self.stiffness)
         if family.is_linear:
             return starts[0]
-        found = sorted((self._minimise(family, s, bounds, COARSE) for s in starts), key=lambda s: s.cost)
-        best = min((self._minimise(family, f.x, bounds, FINE) for f in found[:2]), key=lambda s: s.cost)
+        solutions = sorted((self._minimise(family, s, bounds, COARSE) for s in starts), key=lambda s: s.cost)
+        best = min((self._minimise(family, f.x, bounds, FINE) for f in solutions[:2]), key=lambda s: s.cost)
         return family.ordered(best.x)
 
     def _minimise(self, family, start, bounds, tolerance):
@@ -373,9 +374,9 @@ def _check_determined(problem: Problem, family: Family, theta: np.ndarray) -> np
     if at_bound.any() and (at_bound[0] or not family.is_linear):
         k = int(np.argmax(at_bound))
         name = family.parameters[k]
-        found = ", ".join(f"{n} = {v:.3g}" for n, v in zip(family.parameters, values))
+        stated = ", ".join(f"{n} = {v:.3g}" for n, v in zip(family.parameters, values))
         raise Undetermined(
-            f"{family.title}: {name} ran to the limit of its range ({found}); {family.bound_means}"
+            f"{family.title}: {name} ran to the limit of its range ({stated}); {family.bound_means}"
         )
     J = (problem.weight[:, None] * family.stress(problem.points, theta)[1])[:, ~at_bound]
     condition = np.linalg.cond(J / np.linalg.norm(J, axis=0))

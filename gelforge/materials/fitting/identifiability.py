@@ -19,7 +19,7 @@ WIDTH_TO_WARN = 0.10  # high over low - 1 of a prediction
 REFERENCE = "ogden3"  # contains neo-Hooke and Mooney-Rivlin (alpha = 2, -2) and Ogden with fewer terms, and stiffens twice
 LEAST_FREEDOM = 3.0  # of a misfit: with fewer its scatter is not known at all
 PULL = 100.0  # weight of the prescribed stress: it is met to 1e-4
-FRESH_STARTS = 2  # beside the neighbouring fit
+FRESH_STARTS = 2  # in addition to the neighbouring fit
 SCANNED = np.geomspace(
     1 / 30, 30, 15
 )  # prescribed stress over that of a neo-Hookean law of the same stiffness
@@ -139,14 +139,14 @@ def _prescribed(
         mean=np.append(problem.mean, stress),
         weight=np.append(problem.weight, PULL / stress),
     )
-    found = [extended.solve(family, start, ROUGH)]
-    if family.is_linear or problem.misfit(family, found[0]) ** 2 <= limit:
-        return found[0]
+    solutions = [extended.solve(family, start, ROUGH)]
+    if family.is_linear or problem.misfit(family, solutions[0]) ** 2 <= limit:
+        return solutions[0]
     # a fit that left a term unused cannot bring it back step by step: a fresh start can
     for fresh in family.starts(extended.points, extended.weight, extended.mean, extended.stiffness)[
         :FRESH_STARTS
     ]:
-        found.append(extended.solve(family, fresh, ROUGH))
-        if problem.misfit(family, found[-1]) ** 2 <= limit:
-            return found[-1]
-    return min(found, key=lambda theta: extended.misfit(family, theta))
+        solutions.append(extended.solve(family, fresh, ROUGH))
+        if problem.misfit(family, solutions[-1]) ** 2 <= limit:
+            return solutions[-1]
+    return min(solutions, key=lambda theta: extended.misfit(family, theta))

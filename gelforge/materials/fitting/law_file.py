@@ -22,7 +22,7 @@ STATES = np.concatenate(
         for test in ("uniaxial", "pure_shear", "equibiaxial")
     ]
 )
-NEGLIGIBLE = 1e-3  # of the variance: the error bar is then short by less than a thousandth
+NEGLIGIBLE = 1e-3  # of the variance: the error bar is then short by less than 1e-3
 DIGITS = 10  # of every stored number: beyond the convergence of a fit, within what another machine reproduces
 
 
@@ -127,17 +127,21 @@ def _moved(material: MaterialLaw, move: np.ndarray, amount: float) -> tuple[Prin
     )
 
 
-def leaves_valid_range(material: MaterialLaw, lam: np.ndarray) -> np.ndarray | None:
-    """Return whether deformations with principal stretches lam (..., 3), in any order, leave the tested range.
-
-    Changes of volume do not count. None where the law was given and nothing is known of its range.
-    """
-    valid = material.valid_range
-    return None if valid is None else valid.outside(lam)
-
-
 def write_law(path: str | Path, material: MaterialLaw) -> None:
-    """Write law.json, whole or not at all."""
+    """Write law.json, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    material : MaterialLaw
+        Model [MPa], covariance, tested range and notes.
+
+    Raises
+    ------
+    FileError
+        For a full disk; what was there before stays.
+    """
     law, covariance, family = material.law, material.covariance, material.family
     content = {
         "format": FORMAT,
@@ -188,9 +192,9 @@ def read_law(path: str | Path) -> MaterialLaw:
     path = Path(path)
     remedy = f"run the material stage again (snakemake -R {path})"
     content = read_product_json(path, remedy, LawFileError)
-    found = content.get("format")
-    if found != FORMAT:
-        raise LawFileError(f"{path}: format {found!r}, expected {FORMAT!r}; {remedy}")
+    stated = content.get("format")
+    if stated != FORMAT:
+        raise LawFileError(f"{path}: format {stated!r}, expected {FORMAT!r}; {remedy}")
     kind = content.get("law")
     if kind not in MODELS:
         raise LawFileError(f"{path}: unknown constitutive model {kind!r}; known are {list(MODELS)}")

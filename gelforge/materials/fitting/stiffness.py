@@ -12,7 +12,18 @@ PLAUSIBLE_KPA = (0.5, 5000.0)
 
 
 def stiffness_words(law: PrincipalLaw) -> str:
-    """Return the initial shear and Young's modulus of a constitutive model in words, in kPa."""
+    """Return the initial moduli of a constitutive model in words.
+
+    Parameters
+    ----------
+    law : PrincipalLaw
+        Moduli in MPa.
+
+    Returns
+    -------
+    str
+        Initial shear and Young's modulus in kPa, to four digits.
+    """
     G, E = (float(f"{1e3 * modulus:.4g}") for modulus in (law.shear_modulus, law.youngs_modulus))
     return f"initial shear modulus {G:.10g} kPa, Young's modulus {E:.10g} kPa"
 

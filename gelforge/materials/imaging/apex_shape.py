@@ -15,6 +15,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import least_squares
 
+# Radii of drawn caps and ellipses are found, through blur and dust too (tests/materials/test_apex_shape.py):
 STEEPEST_DEG = 60.0  # of the outline that is fitted: beyond it the cap's own shape differs most from a conic
 LOWEST_SHARE = 0.3  # of the apex's height over the clamp: keeps off the clamp's rounded edge
 LEAST_SAGITTA_PX = 8.0  # height of the fitted arc; 0.1 px of systematic error is then 1 % of the radius
@@ -42,9 +43,24 @@ class ApexShape:
 
 
 def apex_shape(picture: np.ndarray, mm_per_px: float) -> ApexShape:
-    """Return the radius of curvature and the place of the apex of a side view (rows, columns), the membrane bulging upwards.
+    """Return the radius of curvature and the place of the apex of an inflated membrane.
 
-    SilhouetteError where there is no outline, or where it is too flat to have a radius.
+    Parameters
+    ----------
+    picture : numpy.ndarray
+        (rows, columns) grey levels of a side view, the membrane bulging upwards.
+    mm_per_px : float
+        Scale of the picture.
+
+    Returns
+    -------
+    ApexShape
+        Radius with its standard error [mm], apex [px] and error of the outline [px].
+
+    Raises
+    ------
+    SilhouetteError
+        Where there is no outline, or it is too flat to have a radius.
     """
     picture = np.asarray(picture, float)
     smooth = gaussian_filter(picture, 1.0)
@@ -130,8 +146,8 @@ def _normal_outline(smooth: np.ndarray, points: np.ndarray, curve: np.ndarray) -
     k = distance.argmin(1)
     rows = np.arange(len(k))
     step = (0.5 - share[rows, k]) / (share[rows, k + 1] - share[rows, k])
-    found = np.isfinite(distance.min(1)) & (np.abs(outside - inside) > LEAST_CONTRAST_GREY)
-    return (points + (s[k] + 0.25 * step)[:, None] * normal)[found]
+    crosses = np.isfinite(distance.min(1)) & (np.abs(outside - inside) > LEAST_CONTRAST_GREY)
+    return (points + (s[k] + 0.25 * step)[:, None] * normal)[crosses]
 
 
 def _value(curve: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """From a material test whose rows name pictures to a table with stretches (and the apex radius of a membrane).
 
-Tension: `time_s, force_N, image`. Inflation: `time_s, pressure_kPa, top_image, side_image`. Pictures lie beside the
+Tension: `time_s, force_N, image`. Inflation: `time_s, pressure_kPa, top_image, side_image`. Pictures lie next to the
 CSV (or in a folder that the names give); the first row shows the undeformed piece. samples.csv may state, per sample,
 the window to be tracked and the patch in pixels of the first picture; an inflation needs the side view's mm_per_px.
 Rows without a trusted stretch are left out, each with its reason.
@@ -26,7 +26,7 @@ PICTURE_SETTINGS = (
     "camera_distance_mm",
 )  # of samples.csv, all optional
 LEAST_ROWS = 5  # tracked rows below which there is no curve
-REASONS_QUOTED = 5  # of the rows left out; their number is always stated
+REASONS_QUOTED = 5  # of the rows left out; their number is always stated (no result depends on it)
 
 
 def has_pictures(path: str | Path) -> bool:
@@ -63,9 +63,9 @@ def tracked_inflation(path: Path, settings: pd.Series) -> tuple[pd.DataFrame, li
     table = read_csv(path, numbers=("time_s", "pressure_kPa"), optional_texts=("top_image", "side_image"))
     mm_per_px = float(settings.get("mm_per_px", np.nan))
     if not mm_per_px > 0:
-        found = "missing" if np.isnan(mm_per_px) else f"{mm_per_px:g}"
+        stated = "missing" if np.isnan(mm_per_px) else f"{mm_per_px:g}"
         raise TableError(
-            f"{path.parent / 'samples.csv'}: mm_per_px of {path.name} is {found}; the radius in the side view needs"
+            f"{path.parent / 'samples.csv'}: mm_per_px of {path.name} is {stated}; the radius in the side view needs"
             " the size of a pixel in the plane of the apex, add the column (above 0)"
         )
     table, said = _tracked(path, table, "top_image", settings, degree=3, share=WINDOW_OF_MEMBRANE)

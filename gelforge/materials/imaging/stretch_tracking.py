@@ -7,7 +7,7 @@ frame) is kept as a polynomial about the window's centre. Each frame:
 1. the frame is pulled back to the first one by the map predicted from the frames before it,
 2. pyramidal Lucas-Kanade flow (Bouguet 2001) gives what is left at a grid of points, forward and backward,
 3. a robust fit (Tukey's biweight) of all points corrects the map; both are repeated until the map rests,
-4. the same against the oldest key frame that still looks alike, so that errors do not add up frame by frame.
+4. the same against the oldest key frame that still looks similar, so that errors do not add up frame by frame.
 
 F = d phi / d X at the centre, F = R U, and lam1, lam2 are the eigenvalues of U. Pictures are compared after local
 normalisation (mean and standard deviation), so brightness and contrast may drift. A frame that cannot be trusted is
@@ -26,6 +26,7 @@ import numpy as np
 
 from gelforge.materials.imaging.plane_stretch import leading_direction, principal_stretches_2d, robust_fit
 
+# Errors and speed on drawn films: `python benchmarks/stretch_tracking.py`:
 NORMALISATION_PATCHES = 0.2  # sigma of the local mean: the piece's edges must not reach the points near them
 MARGIN_PATCHES = 1.5  # of pulled-back picture around the window: what flow needs beyond the outermost points
 # Of the grid: more of them overlap and add little (benchmarks/stretch_tracking.py prints error and speed).
@@ -53,7 +54,7 @@ class TrackingSettings:
     point_correlation: float = 0.5  # of a patch after alignment
     frame_correlation: float = 0.7  # median over the points, below which the texture counts as lost
     key_correlation: float = 0.9  # below which a new key frame is taken
-    anchor_correlation: float = 0.8  # above which an old key frame still looks alike
+    anchor_correlation: float = 0.8  # above which an old key frame still looks similar
     key_stretch: float = 1.2  # deformation since the last key frame after which a new one is taken
     seen_share: float = 0.4  # of the points of the window that must lie in the picture
     held_share: float = 0.6  # of these, that must move together: a background must not outvote the piece
@@ -129,11 +130,11 @@ def flow_at_points(
         "minEigThreshold": 1e-4,
     }
     start = np.ascontiguousarray(points, np.float32)[:, None]
-    there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, start, np.empty_like(start), **arguments)
+    there, tracked, _ = cv2.calcOpticalFlowPyrLK(before, after, start, np.empty_like(start), **arguments)
     back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, np.empty_like(start), **arguments)
     error = np.linalg.norm((back - start)[:, 0], axis=1)
-    found = (found[:, 0] == 1) & (found_back[:, 0] == 1)
-    return (there - start)[:, 0].astype(float), error, found
+    tracked = (tracked[:, 0] == 1) & (found_back[:, 0] == 1)
+    return (there - start)[:, 0].astype(float), error, tracked
 
 
 def textured_window(
@@ -228,7 +229,7 @@ class _Tracker:
         identity[0], identity[1, 0], identity[2, 1] = self.centre, self.scale, self.scale
         picture, _ = self._pulled_back(first, identity)
         self.keys = [_KeyFrame(0, picture, np.eye(2))]
-        self.oldest = 0  # of the key frames that still look alike
+        self.oldest = 0  # of the key frames that still look similar
         self.maps: list[np.ndarray | None] = [identity]
         self.fits: list[_Fit] = [_Fit(identity, np.zeros((2, 2)), 1.0, len(self.grid), "")]
         self.anchors = [0]
@@ -322,12 +323,12 @@ class _Tracker:
         points = self.grid - self.corner
         for _ in range(PASSES):
             pulled, inside = self._pulled_back(frame, coefficients)
-            d, error, found = flow_at_points(key.picture, pulled, points, s.patch_px)
+            d, error, tracked = flow_at_points(key.picture, pulled, points, s.patch_px)
             likeness = _local_correlation(key.picture, pulled, s.patch_px)
             row, column = np.rint(points[:, 1]).astype(int), np.rint(points[:, 0]).astype(int)
             seen = cv2.erode(inside, np.ones((s.patch_px, s.patch_px), np.uint8))[row, column] > 0
             likeness = likeness[row, column]
-            came_back = found & (error < s.forward_backward_px)
+            came_back = tracked & (error < s.forward_backward_px)
             good = seen & came_back
             if good.sum() < 2 * self.grid_basis.shape[1]:
                 return self._failed(coefficients, seen, came_back, likeness)
@@ -337,10 +338,10 @@ class _Tracker:
             coefficients = fitted
             if step < AT_REST_PX:
                 break
-        alike = likeness > s.point_correlation
+        correlated = likeness > s.point_correlation
         held = np.zeros(len(good), bool)
         held[good] = weight > 0
-        held &= alike
+        held &= correlated
         correlation = float(np.median(likeness[seen]))
         F_error = np.sqrt(covariance[1:3].T * self.overlap) / self.scale
         columns = np.linalg.norm(self._gradient(coefficients), axis=0)  # stretch of the x and of the y fibre
@@ -349,7 +350,7 @@ class _Tracker:
         if (
             seen.mean() < s.seen_share
             or correlation < s.frame_correlation
-            or (alike & good).sum() < s.held_share * seen.sum()
+            or (correlated & good).sum() < s.held_share * seen.sum()
         ):
             return self._failed(coefficients, seen, came_back, likeness)
         if held.sum() < s.held_share * seen.sum():

@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.statistics import channel_step, row_noise
 
+# Breaks and slips are found; noise, softening, holds and yield points are none (tests/materials/test_curve_defects.py):
 WITHIN, WITHIN_ROWS = 0.01, (3, 50)  # of the rows, in which the stress falls: slower is softening
 GOES_ON = 5e-4  # of the range of strain, by which it grows meanwhile: else the specimen is held, and relaxes
 LEAST_FALL = 0.05  # of the largest stress
@@ -40,9 +41,9 @@ def fall_while_loading(test: MaterialTest) -> Fall | None:
     for segment in test.segments:
         if segment.kind == "load":
             rows = segment.rows
-            found = sudden_fall(np.abs(test.stretch[rows] - test.at_rest), stress[rows])
-            if found:
-                return replace(found, row=found.row + segment.start, after=found.after + segment.start)
+            fall = sudden_fall(np.abs(test.stretch[rows] - test.at_rest), stress[rows])
+            if fall:
+                return replace(fall, row=fall.row + segment.start, after=fall.after + segment.start)
     return None
 
 

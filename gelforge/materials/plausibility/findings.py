@@ -15,6 +15,7 @@ from gelforge.materials.basis.statistics import row_noise
 from gelforge.materials.basis.stresses import neo_hookean_shape
 from gelforge.materials.plausibility.rest_force import rest_words
 
+# Preloads, offsets and toes are told apart from noise (tests/materials/test_curve_defects.py):
 FEW_ROWS = 20  # below, the scatter of a fit rests on too few residuals
 STRAIN_AT_START = 0.005  # a first row further from rest than this was not taken at the start
 TOE_STRAIN = 0.005  # the stress extrapolates to zero this far from rest
@@ -160,26 +161,26 @@ def _start(test):
 
 
 def _toe(test):
-    found = zero_stress_strain(test)
-    if found is None:
+    strain = zero_stress_strain(test)
+    if strain is None:
         return
-    late = found[0] * np.sign(test.stretch[-1] - test.at_rest)  # a concave curve has it before rest: no toe
-    if late > max(TOE_STRAIN, SIGMAS * found[1]):
+    late = strain[0] * np.sign(test.stretch[-1] - test.at_rest)  # a concave curve has it before rest: no toe
+    if late > max(TOE_STRAIN, SIGMAS * strain[1]):
         yield (
-            f"the stress extrapolates to zero at a strain of {found[0]:.4f} +- {found[1]:.4f}: toe, slack or an"
+            f"the stress extrapolates to zero at a strain of {strain[0]:.4f} +- {strain[1]:.4f}: toe, slack or an"
             " offset of the force (`toe: remove` moves the origin there)"
         )
 
 
 def _rest_stress(test):
-    found = rest_stress(test) if test.cauchy_difference is None else None
-    if found is None:
+    at_rest = rest_stress(test) if test.cauchy_difference is None else None
+    if at_rest is None:
         return
     largest = np.nanmax(np.abs(test.nominal_stress))
-    if abs(found[0]) > max(SIGMAS * found[1], 5e-4 * largest):
+    if abs(at_rest[0]) > max(SIGMAS * at_rest[1], 5e-4 * largest):
         yield (
-            f"{found[0] * 1e3:.4g} kPa ({abs(found[0]) / largest:.2%} of the largest) at rest:"
-            f" {rest_words(test, found[0])}"
+            f"{at_rest[0] * 1e3:.4g} kPa ({abs(at_rest[0]) / largest:.2%} of the largest) at rest:"
+            f" {rest_words(test, at_rest[0])}"
         )
 
 

@@ -16,6 +16,7 @@ from gelforge.materials.basis.statistics import channel_step, row_noise
 from gelforge.materials.plausibility.rest_force import rest_words
 from gelforge.robust import SIGMA_OF_MEDIAN
 
+# Faulty curves are refused and their right neighbours read (tests/materials/test_odd_rows.py, test_curve_defects.py):
 SINGLE_SHARE = 0.1  # of the loading's range: load cells err by a hundredth of this, a lost digit by more
 END_SHARE = 0.5  # the same of a first or last row, which has a neighbour on one side only
 SIGMAS = 20.0  # of the rows' scatter about their neighbours: far beyond noise, also that of heavy tails

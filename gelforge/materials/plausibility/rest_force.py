@@ -14,7 +14,7 @@ OFFSET = "an offset of the force (`zero_force` subtracts it)"
 def rest_words(test: MaterialTest, rest_MPa: float) -> str:
     """Return what a stress at rest [MPa] can be, with its remedy. No preload acts against the loading.
 
-    The curve does not tell the two apart: a constant and a moved origin fit laws of three parameters alike.
+    The curve does not tell the two apart: a constant and a moved origin fit laws of three parameters equally well.
     """
     strain = test.stretch - test.at_rest
     if strain[abs(strain).argmax()] * rest_MPa < 0:

@@ -11,6 +11,7 @@ from gelforge.materials.basis.segments import find_segments, first_reversal
 from gelforge.materials.basis.stresses import neo_hookean_shape
 from gelforge.materials.readers.mapped_columns import nominal_stress_of, stretch_of
 
+# Wrong units, signs and columns are refused and their right neighbours read in `python -m benchmarks.faults inputs`:
 # The softest silicones break below a stretch of 20, foams densify at 0.1: per cent read as a number, or a length
 # read as a stretch, fall out. Adhesives are sheared up to 10.
 STRETCH = (0.05, 25.0)

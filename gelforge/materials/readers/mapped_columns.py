@@ -104,7 +104,7 @@ def lateral_of(path, entry, table, stretch) -> tuple[np.ndarray | None, np.ndarr
     if lateral.stress is None:
         return lam, None
     at = stretch if lateral.stress.at is None else stretch_of(path, entry, table, lateral.stress.at)[0]
-    own = lam if lateral.stress.at is None else None
-    stress, _ = nominal_stress_of(path, entry, table, lateral.stress, own, None)
+    measured = lam if lateral.stress.at is None else None
+    stress, _ = nominal_stress_of(path, entry, table, lateral.stress, measured, None)
     order = np.argsort(at, kind="stable")
     return lam, stress if lateral.stress.at is None else np.interp(stretch, at[order], stress[order])

@@ -13,10 +13,11 @@ from gelforge.materials.readers.mapped_checks import unnoticed_unit
 from gelforge.materials.readers.mapped_columns import values
 from gelforge.materials.small_tests.microindentation import layer_factor
 
+# Swapped columns and wrong units of an indentation are refused (tests/materials/test_odd_rows.py):
 # of the ball's radius: the way to the contact included; um read as mm are 1000 times more
 LARGEST_TRAVEL = 50.0
 
-# of gels to hard rubber, a factor of three beyond, as the contact is coarse
+# Of gels to hard rubber (1 kPa to 15 MPa), a factor of 3 beyond, as the contact is coarse.
 YOUNGS_MODULUS_MPA = 3e-4, 50.0
 # of the largest force at half the depth: 0.35 by Hertz, less on a thin layer, 0.5 of a flat punch
 HALF_WAY = 0.62
@@ -41,7 +42,7 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
             f"{path}: {entry.height.column} travels {travel:.4g} mm with a ball of {entry.ball_radius_mm:g} mm radius;"
             f" {LARGEST_TRAVEL:g} radii at most are an indentation: check the units of both"
         )
-    _check_press(path, entry, position, force, segment)
+    _check_press(path, entry, position, force)
     if entry.corrections.odd_rows == "refuse":
         _check_single_rows(path, table.index, position, force, segment)
     stiffness = push / travel * 1e3
@@ -84,19 +85,19 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
 def _check_single_rows(path, lines, position, force, segment) -> None:
     names = [""] if segment is None else dict.fromkeys(segment)
     for name in names:
-        own = np.arange(len(force)) if segment is None else np.flatnonzero(segment == name)
-        flat = flat_top(position[own], force[own] - force[own[0]])
+        rows = np.arange(len(force)) if segment is None else np.flatnonzero(segment == name)
+        flat = flat_top(position[rows], force[rows] - force[rows[0]])
         if flat is not None:
             raise TableError(
-                f"{path}, row {lines[own[flat]]}: from here on the force stays at {force[own[flat]]:.4g} N to the last"
+                f"{path}, row {lines[rows[flat]]}: from here on the force stays at {force[rows[flat]]:.4g} N to the last"
                 " digit, its largest value, while the indenter goes deeper: the load cell is saturated; leave these rows"
                 " out, or confirm it (`odd_rows: keep`)"
             )
-        row = single_row(position[own], force[own])
+        row = single_row(position[rows], force[rows])
         if row is not None:
             raise TableError(
-                f"{path}, row {lines[own[row]]}: a force of {force[own[row]]:.4g} N, far off the neighbouring rows; correct"
-                " or"
+                f"{path}, row {lines[rows[row]]}: a force of {force[rows[row]]:.4g} N, far off the neighbouring rows;"
+                " correct or"
                 " drop the row, or confirm it (`odd_rows: keep` next to the ball's radius, of a mapping in `corrections`)"
             )
 
@@ -118,7 +119,7 @@ def check_modulus(path, test: IndentationTest, radius_mm: float, thickness_mm: f
         )
 
 
-def _check_press(path, entry, position, force, segment) -> None:
+def _check_press(path, entry, position, force) -> None:
     """Refuse an indentation whose force does not stand out at its deepest end: columns swapped, or a wrong sign."""
     deep = position >= np.quantile(position, 0.98)
     shallow = position <= np.quantile(position, 0.3)

@@ -43,7 +43,7 @@ from gelforge.materials.readers.mapped_columns import (
 from gelforge.materials.readers.mapped_contacts import check_modulus, force_pair, indentation_test
 from gelforge.units import UNITS, unit_in_header
 
-LEAST_ROWS = 5  # one more than the parameters of an Ogden model of two terms
+LEAST_ROWS = 5  # one more than the 4 parameters of an Ogden model of two terms
 
 Read = MaterialTest | IndentationTest | ForcePair
 
@@ -61,8 +61,8 @@ def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
     entries = [mapping.entries_for(name) for name in names]
     tests: list[Read] = [
         replace(test, source=name)
-        for path, name, found in zip(paths, names, entries)
-        for test in read_by_all(path, found)
+        for path, name, matching in zip(paths, names, entries)
+        for test in read_by_all(path, matching)
     ]
     if not tests:
         raise TableError(
@@ -89,7 +89,7 @@ def read_by_all(path: Path, entries: Sequence[TestMapping]) -> list[Read]:
 
 def _check_entries(folder: Path, mapping: Mapping, names: Sequence[str], used: Sequence) -> None:
     """Refuse an entry that reads no file, as its pattern is misspelt or an earlier entry takes all of it, or names none."""
-    reading = {id(entry) for found in used for entry in found}
+    reading = {id(entry) for matching in used for entry in matching}
     there = {*names, *(name.rsplit("/", 1)[-1] for name in names)}
     for number, entry in enumerate(mapping.tests, 1):
         missing = [name for name in entry.files if not set(name) & set("*?[") and name not in there]
@@ -129,10 +129,10 @@ def read_mapped(path: str | Path, entry: TestMapping) -> list[Read]:
     tests: list[Read] = []
     for number, (title, part) in enumerate(stacked, 1):
         table = _table(path, entry, columns, part)
-        own = f"{title or f'{path.stem}_{number}'}" if len(stacked) > 1 else ""
+        suffix = f"{title or f'{path.stem}_{number}'}" if len(stacked) > 1 else ""
         groups = table.groupby(entry.split, sort=False) if entry.split else [("", table)]
         tests += [
-            _test(path, entry, rows, "_".join(filter(None, (own, str(value)))), dict(named))
+            _test(path, entry, rows, "_".join(filter(None, (suffix, str(value)))), dict(named))
             for value, rows in groups
         ]
     return tests
@@ -219,13 +219,13 @@ def _order_seen(column: pd.Series) -> np.ndarray:
 def _from_name(path: Path, entry: TestMapping) -> dict[str, str]:
     if entry.from_name is None:
         return {}
-    found = re.search(entry.from_name.pattern, path.stem)
-    if found is None:
+    match = re.search(entry.from_name.pattern, path.stem)
+    if match is None:
         raise TableError(
             f"{path}: the name does not fit from_name pattern {entry.from_name.pattern!r}; rename the file or correct"
             " the pattern"
         )
-    return {key: text for key, text in found.groupdict().items() if text is not None}
+    return {key: text for key, text in match.groupdict().items() if text is not None}
 
 
 def _test(path: Path, entry: TestMapping, table: pd.DataFrame, part: str, named: dict[str, str]) -> Read:

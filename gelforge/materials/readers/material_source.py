@@ -50,25 +50,62 @@ class MaterialSource:
 def read_sources(sources: list[Path], mapping: Path | None = None) -> list[MaterialSource]:
     """Return the materials found in folders and files, in the order of their names.
 
-    With a mapping (YAML) any table is read; without, folders with samples.csv or small tests. Raises TableError.
+    Parameters
+    ----------
+    sources : list of Path
+        Folders and files of material tests.
+    mapping : Path, optional
+        YAML that says what the columns of any table mean; without it folders with samples.csv or small tests are read.
+
+    Returns
+    -------
+    list of MaterialSource
+        Tests, small tests and files of each material.
+
+    Raises
+    ------
+    TableError
+        For a table that cannot be read or cannot be true. The message names file, row, value and remedy.
     """
     declared = load_mapping(mapping) if mapping else None
-    found: dict[str, MaterialSource] = {}
+    materials: dict[str, MaterialSource] = {}
     for source in map(Path, sources):
         folder = source if source.is_dir() else source.parent
         for material in _read(source, declared):
             material = material if len(sources) == 1 else _below(folder, material)
-            found[material.name] = found[material.name] + material if material.name in found else material
-    found = {name: replace(m, tests=_distinct(m.tests)) for name, m in found.items()}
-    for name, material in found.items():
+            materials[material.name] = (
+                materials[material.name] + material if material.name in materials else material
+            )
+    materials = {name: replace(m, tests=_distinct(m.tests)) for name, m in materials.items()}
+    for name, material in materials.items():
         check_copies(name, material.tests)
     if mapping:
-        found = {name: replace(m, files=(*m.files, Path(mapping))) for name, m in found.items()}
-    return [found[name] for name in sorted(found)]
+        materials = {name: replace(m, files=(*m.files, Path(mapping))) for name, m in materials.items()}
+    return [materials[name] for name in sorted(materials)]
 
 
 def source_of(name: str, folder: Path, mapping: Path | None = None) -> MaterialSource:
-    """Return the one material of a study in a folder: the only one there, or the one of that name."""
+    """Return the one material of a study in a folder: the only one there, or the one of that name.
+
+    Parameters
+    ----------
+    name : str
+        Of the material in the study.
+    folder : Path
+        Of its tests.
+    mapping : Path, optional
+        As of `read_sources`.
+
+    Returns
+    -------
+    MaterialSource
+        Under the study's name.
+
+    Raises
+    ------
+    TableError
+        Where the folder holds several materials and none of that name, and as `read_sources`.
+    """
     materials = read_sources([folder], mapping)
     chosen = materials if len(materials) == 1 else [m for m in materials if m.name == name]
     if not chosen:
@@ -182,17 +219,17 @@ def _board(
     """Return the test on a rigid board that a mapping names for an indentation, and its file; none for the board itself."""
     if test.rigid_board is None or test.is_the_board:
         return None, []
-    beside = (folder / test.source).with_name(test.rigid_board)
-    found = [path for path in (beside, *sorted(folder.rglob(test.rigid_board))) if path.is_file()]
+    neighbour = (folder / test.source).with_name(test.rigid_board)
+    boards = [path for path in (neighbour, *sorted(folder.rglob(test.rigid_board))) if path.is_file()]
     entry = mapping.entry_for(test.rigid_board)
-    if not found or entry is None:
+    if not boards or entry is None:
         raise TableError(
-            f"{folder / test.source}: rigid_board {test.rigid_board!r} is {'ignored' if found else 'not there'}; name the"
+            f"{folder / test.source}: rigid_board {test.rigid_board!r} is {'ignored' if boards else 'not there'}; name the"
             " file of an indentation that the mapping reads"
         )
-    board = read_mapped(found[0], entry)[0]
+    board = read_mapped(boards[0], entry)[0]
     if not isinstance(board, IndentationTest):
         raise TableError(
-            f"{found[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as an indentation"
+            f"{boards[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as an indentation"
         )
-    return board, found[:1]
+    return board, boards[:1]

@@ -46,6 +46,7 @@ CORRECTIONS = (
 )  # made where samples.csv asks for them, stated in the findings
 CIRCUMSTANCES = ("strain_rate_per_s", "age_days", "temperature_C", "cycle")
 
+# Lengths and stresses in another unit are refused (tests/materials/test_reading_material_tests.py):
 # Plausible ranges of sheets and strips. Their ends are less than a factor of 1000 apart, so that a length in m or um
 # falls out. The shear modulus spans more, from gels (0.5 kPa) to filled rubber (Shore A 90, 5 MPa): where a unit wrong
 # by 1000 would stay inside, a finding says so.
@@ -63,7 +64,7 @@ def input_files(folder: str | Path) -> list[Path]:
     """Return every file that decides a material's results.
 
     samples.csv, the files of all samples that it lists, in its order, the pictures that these name, and the small
-    tests beside them; the latter alone where there is no samples.csv.
+    tests next to them; the latter alone where there is no samples.csv.
     """
     tables, small = _tables(Path(folder)), small_test_files(folder)
     pictures = [picture for table in tables[1:] if table.is_file() for picture in picture_files(table)]
@@ -75,7 +76,7 @@ def _tables(folder: Path) -> list[Path]:
     if not os.path.lexists(path):
         if small_test_files(folder):
             return []
-        below = sorted(found.parent.relative_to(folder).as_posix() for found in folder.glob("*/samples.csv"))
+        below = sorted(table.parent.relative_to(folder).as_posix() for table in folder.glob("*/samples.csv"))
         remedy = (
             "list the specimens in it (docs/file-formats.md), or give a mapping that says what the files in this folder"
             " hold (--mapping, in Python mapping=; docs/material-mappings.md)"
@@ -300,10 +301,10 @@ def _inflation(path: Path, h0: float, row: pd.Series) -> Curve:
 def _dimension(folder: Path, line: int, row: pd.Series, name: str, limits: tuple[float, float]) -> float:
     value = float(row[name])
     if not limits[0] <= value <= limits[1]:  # also catches an empty cell
-        found = "empty" if np.isnan(value) else f"{value:g}"
+        stated = "empty" if np.isnan(value) else f"{value:g}"
         raise TableError(
-            f"{folder / 'samples.csv'}, row {line}: {name} is {found}; between {limits[0]:g} and"
-            f" {limits[1]:g} mm is expected, {'fill it' if found == 'empty' else 'check the unit'}"
+            f"{folder / 'samples.csv'}, row {line}: {name} is {stated}; between {limits[0]:g} and"
+            f" {limits[1]:g} mm is expected, {'fill it' if stated == 'empty' else 'check the unit'}"
         )
     return value
 
@@ -379,14 +380,14 @@ def _check_stress_level(folder: Path, names: list[str], curves: list[MaterialTes
     low, high = SHEAR_MODULUS_MPA
     typical = float(np.median(moduli))
     remedy = "check the units of force, pressure, width and thickness"
-    found = [
+    levels = [
         f"{folder / n}: all rows together give a shear modulus of {m * 1e3:.3g} kPa"
         for n, m in zip(names, moduli)
     ]
-    for text, modulus in zip(found, moduli):
+    for text, modulus in zip(levels, moduli):
         if not low <= modulus <= high:
             raise TableError(f"{text}; a soft elastomer has {low * 1e3:g} to {high * 1e3:g} kPa, {remedy}")
-    for text, modulus in zip(found, moduli):
+    for text, modulus in zip(levels, moduli):
         if not 1 / LARGEST_MODULUS_RATIO <= modulus / typical <= LARGEST_MODULUS_RATIO:
             raise TableError(
                 f"{text}, the median of the samples {typical * 1e3:.3g} kPa; within a factor of"

@@ -27,6 +27,8 @@ LARGEST_DEPTH_TO_RADIUS = 0.3  # the parabola stands for the ball: Hertz is then
 LARGEST_GIVE = (
     0.7  # of the travel in contact; the sample's share is then the small difference of large numbers
 )
+
+# The modulus is found to 1 %, and 95 % intervals hold it in 34 of 40 draws at least (tests/materials/test_small_tests.py):
 LEAST_ROWS = 8  # in contact
 BEFORE_START = 0.05  # of the travel: machines that zero where they touch begin so near to the contact
 AT_TOUCH = 0.98  # share of rows in contact from which there is none left that shows the force at rest
@@ -61,12 +63,28 @@ def fit_modulus(
     test: IndentationTest,
     thickness_mm: float | None = None,
     machine: IndentationTest | None = None,
-    seed: int = 0,
 ) -> Modulus:
-    """Return Young's modulus of an incompressible layer from one loading.
+    """Return Young's modulus of an incompressible layer from one loading by a ball.
 
-    machine: the same indentation on a rigid board; its own give at each force is taken off the depth (contact points of
-    both are found separately). Raises ValueError where the data hold no contact or no rest.
+    Parameters
+    ----------
+    test : IndentationTest
+        Position [mm], force [N] and ball radius [mm].
+    thickness_mm : float, optional
+        Of the layer; None for a half space.
+    machine : IndentationTest, optional
+        The same indentation on a rigid board. Its give at each force is taken off the depth; contact points of both
+        are found separately.
+
+    Returns
+    -------
+    Modulus
+        [MPa] with 95 % interval, contact point [mm], and what limits the number.
+
+    Raises
+    ------
+    ValueError
+        For a ball of unknown radius, and data without contact or rest.
     """
     if test.ball_radius_mm is None:
         raise ValueError(f"{test.source}: the ball's radius is not known; give ball_radius_mm")
@@ -89,14 +107,14 @@ def fit_modulus(
     model = rest + E * _shape(depth, R, thickness_mm)
     moduli = [
         _refitted(z, again, R, thickness_mm, contact)
-        for again in resampled(model, residual, BOOTSTRAPS, np.random.default_rng(seed))
+        for again in resampled(model, residual, BOOTSTRAPS, np.random.default_rng(0))
     ]
     deepest = float(depth.max())
     if (depth > 0).mean() > AT_TOUCH:
         said.append(
             "the rows begin at the touch: the force at rest is found with the modulus, which widens the interval"
         )
-    said += _limits(test, deepest, R, thickness_mm, (depth > 0).sum(), machine, E)
+    said += _limits(deepest, R, thickness_mm, (depth > 0).sum(), machine)
     return Modulus(
         float(E),
         percentile_interval(moduli),
@@ -174,19 +192,19 @@ def _search(z, F, radius, thickness):
     grid = np.linspace(before, inner[-1], 84)
     best = int(np.argmin([_cost(z, F, contact, radius, thickness) for contact in grid]))
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         lambda contact: _cost(z, F, contact, radius, thickness),
         bounds=(low, high),
         method="bounded",
         options={"xatol": 1e-6 * np.ptp(z)},
     ).x
-    beta, residual = _linear(z, F, found, radius, thickness)
+    beta, residual = _linear(z, F, minimum, radius, thickness)
     if best == 0 or not beta[1] > 0:
         raise ValueError(
             "no contact point is found: the force does not begin to rise within the travel, nor at its first row; start"
             " above the sample"
         )
-    return found, beta, residual
+    return minimum, beta, residual
 
 
 def _linear(z, F, contact, radius, thickness):
@@ -226,15 +244,15 @@ def _give(machine: IndentationTest, force) -> np.ndarray:
 def _refitted(z, F, radius, thickness, contact) -> float:
     """Return Young's modulus of forces F (n,), the contact point searched for near the one that is known."""
     width = 0.05 * np.ptp(z)
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         lambda at: _cost(z, F, at, radius, thickness),
         bounds=(contact - width, contact + width),
         method="bounded",
     )
-    return _linear(z, F, found.x, radius, thickness)[0][1]
+    return _linear(z, F, minimum.x, radius, thickness)[0][1]
 
 
-def _limits(test, deepest, radius, thickness, rows, machine, E) -> list[str]:
+def _limits(deepest, radius, thickness, rows, machine) -> list[str]:
     said = []
     if rows < LEAST_ROWS:
         said.append(f"only {rows} rows in contact")

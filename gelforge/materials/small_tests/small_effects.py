@@ -49,35 +49,35 @@ class SmallTests:
 
 def small_effects(small: SmallTests) -> tuple[list[MeasuredEffect], list[tuple[str, str]]]:
     """Return the effects that the small tests measure, and what could not be judged."""
-    found, not_judged = [], []
+    effects, not_judged = [], []
     if small.friction:
-        found.append(_friction(small.friction))
+        effects.append(_friction(small.friction))
     else:
         not_judged.append(("friction", f"no {FRICTION} with tilt trials"))
     if small.thickness:
-        found.append(_thickness(small.thickness))
+        effects.append(_thickness(small.thickness))
     for press in small.presses:
         if press.test.is_the_board:
             not_judged.append(
                 ("microindentation", f"{press.test.source} is the test on the rigid board itself")
             )
         elif press.test.ball_radius_mm is not None:
-            _keep(found, not_judged, "microindentation", lambda press=press: _modulus(press))
+            _keep(effects, not_judged, "microindentation", lambda press=press: _modulus(press))
         if press.test.segment is not None:
-            _keep(found, not_judged, "adhesion", lambda press=press: _adhesion(press.test))
-            found += [_creep(press.test, name) for name, kind in press.test.segment_kinds if kind == "hold"]
-    moduli = [e for e in found if e.effect == "microindentation"]
+            _keep(effects, not_judged, "adhesion", lambda press=press: _adhesion(press.test))
+            effects += [_creep(press.test, name) for name, kind in press.test.segment_kinds if kind == "hold"]
+    moduli = [e for e in effects if e.effect == "microindentation"]
     if len(moduli) > 1:
-        found.append(_mean_modulus(moduli))
+        effects.append(_mean_modulus(moduli))
     for pair in small.force_pairs:
-        _keep(found, not_judged, "load_cell_gain", lambda pair=pair: _gain(pair))
-    return found, not_judged
+        _keep(effects, not_judged, "load_cell_gain", lambda pair=pair: _gain(pair))
+    return effects, not_judged
 
 
-def _keep(found: list, not_judged: list, effect: str, measure) -> None:
+def _keep(effects: list, not_judged: list, effect: str, measure) -> None:
     """Add what is measured, or why it could not be."""
     try:
-        found.append(measure())
+        effects.append(measure())
     except ValueError as error:
         not_judged.append((effect, str(error)))
 
@@ -212,23 +212,23 @@ def _adhesion(test: IndentationTest) -> MeasuredEffect:
         raise ValueError(
             f"{test.source}: its segments {names} have no approach or no withdrawal; both are needed"
         )
-    found = adhesion(test.in_segment(into), test.in_segment(out))
+    pulled = adhesion(test.in_segment(into), test.in_segment(out))
     verdict = "cannot be judged"
-    if found.detached:
-        verdict = "significant adhesion" if "significant" in found.sentence else "negligible"
-    noise = 2 * found.noise_N / found.largest_push_N
+    if pulled.detached:
+        verdict = "significant adhesion" if "significant" in pulled.sentence else "negligible"
+    noise = 2 * pulled.noise_N / pulled.largest_push_N
     return MeasuredEffect(
         "adhesion",
         "indentation",
         "pull-off force over the largest push",
-        found.ratio,
-        (found.ratio - noise, found.ratio + noise) if found.detached else None,
-        "noise of the force (one indentation)" if found.detached else "none: the ball stays attached",
+        pulled.ratio,
+        (pulled.ratio - noise, pulled.ratio + noise) if pulled.detached else None,
+        "noise of the force (one indentation)" if pulled.detached else "none: the ball stays attached",
         "1",
         verdict,
-        f"{test.sample}: {found.sentence}",
+        f"{test.sample}: {pulled.sentence}",
         (test.sample,),
-        {"pull_off_N": found.pull_off_N, "largest_push_N": found.largest_push_N},
+        {"pull_off_N": pulled.pull_off_N, "largest_push_N": pulled.largest_push_N},
     )
 
 

@@ -74,10 +74,10 @@ def gain_mismatch(pair: ForcePair) -> Mean:
 
 def by_place(values: list[tuple[str, float]]) -> dict[str, list[float]]:
     """Return the values of each place, in the order of their first appearance."""
-    found: dict[str, list[float]] = {}
+    by_name: dict[str, list[float]] = {}
     for place, value in values:
-        found.setdefault(place, []).append(value)
-    return found
+        by_name.setdefault(place, []).append(value)
+    return by_name
 
 
 def pressed_pairs(pair: ForcePair, loaded_share: float = 0.05) -> list[PressedPair]:
@@ -101,13 +101,13 @@ def pressed_rows(pair: ForcePair, loaded_share: float = 0.05) -> list[tuple[str,
 
     Those that hardly rise are left out: their slope is noise.
     """
-    (one, two), found = from_rest(pair), []
+    (one, two), presses = from_rest(pair), []
     mean = (one + two) / 2
     edges = np.flatnonzero(np.diff(np.r_[False, mean > loaded_share * np.max(mean), False].astype(int)))
     for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):
         if b - a >= LEAST_ROWS_OF_PRESS and np.ptp(mean[a:b]) >= LEAST_RISE * mean[a:b].max():
-            found.append((str(a if pair.position is None else pair.position[a]), slice(a, b)))
-    return found
+            presses.append((str(a if pair.position is None else pair.position[a]), slice(a, b)))
+    return presses
 
 
 def from_rest(pair: ForcePair) -> tuple[np.ndarray, np.ndarray]:

@@ -249,14 +249,14 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool, CODE: int = C
             corners = starts_at(order, IN_ORDER, first, NODES)
             for a in range(NODES):
                 store3(room, MOVED + 3 * a, _take3(places, starts_at(nodes, corners, a, 3), 0))
-            own, points = starts_at(order, IN_ORDER, first, 1), starts_at(order, IN_ORDER, first, POINTS)
-            p, bulks, factor = take(pressure, own, 0), take(bulk, own, 0), take(stiffness, own, 0)
+            element, points = starts_at(order, IN_ORDER, first, 1), starts_at(order, IN_ORDER, first, POINTS)
+            p, bulks, factor = take(pressure, element, 0), take(bulk, element, 0), take(stiffness, element, 0)
             V0, v, least = _points(room, order, first, gradients, weights, before, NODES, POINTS)
             most = 0.0 * V0
             swelling = v / V0 - 1.0
             own_pressure = bulks * swelling
             spent = 0.5 * own_pressure * swelling * V0
-            kappa = take(local_bulk, own, 0) if LOCAL else 0.0 * p
+            kappa = take(local_bulk, element, 0) if LOCAL else 0.0 * p
             for q in range(POINTS):
                 at = q * STRIDE
                 J, w = load(room, at + RATIO), load(room, at + VOLUME)

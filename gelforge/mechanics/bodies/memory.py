@@ -1,6 +1,6 @@
 r"""A body that remembers: finite-strain viscoelasticity by overstresses, and Mullins softening.
 
-Beside the law's isochoric stress S in material form, which holds at rest, every branch k carries an overstress with
+Next to the law's isochoric stress S in material form, which holds at rest, every branch k carries an overstress with
 
 .. math:: \dot Q_k + Q_k / \tau_k = \gamma_k \dot S
 

@@ -91,10 +91,10 @@ def _continued(points: np.ndarray, values: np.ndarray, places: np.ndarray) -> np
     distance, nearest = cKDTree(points.reshape(-1, 3)).query(places, k=NEIGHBOURS)
     element = nearest // Q  # (m, k)
     at = _basis((places[:, None] - middle[element]) / size[element])[..., :Q]
-    found = np.einsum("mkp,mkp->mk", at, coefficients[element])
-    found = np.clip(found, 0.5 * values.min(axis=1)[element], 2 * values.max(axis=1)[element])
+    peaks = np.einsum("mkp,mkp->mk", at, coefficients[element])
+    peaks = np.clip(peaks, 0.5 * values.min(axis=1)[element], 2 * values.max(axis=1)[element])
     weight = 1 / (distance + 0.1 * distance.mean(axis=1, keepdims=True)) ** 2
-    return (weight * found).sum(axis=1) / weight.sum(axis=1)
+    return (weight * peaks).sum(axis=1) / weight.sum(axis=1)
 
 
 def _basis(x: np.ndarray) -> np.ndarray:

@@ -33,7 +33,7 @@ LEAST_FORCE = 1e-3
 # A gap below this share of the body's extent closes an open node; what lies between is the rounding of a flat face that
 # stands on the surface.
 TOUCHES = 3e-14
-# The weight of slip beside the friction force that decides between stick and slip, of shear modulus over element size.
+# The weight of slip against the friction force that decides between stick and slip, of shear modulus over element size.
 # Above the stiffness of a node it takes nodes from one slip to the opposite one, past the stick between them. It is in no
 # solution (docs/decisions/0010-exact-friction.md).
 SLIP_WEIGHT = 1.0

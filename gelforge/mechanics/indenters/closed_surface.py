@@ -88,7 +88,24 @@ class ClosedSurface(Indenter):
 def closed_surface(vertices: np.ndarray, triangles: np.ndarray, edge: float = 0.0) -> ClosedSurface:
     """Return the body inside triangles as a file gives them: corners joined, turned outwards, checked.
 
-    Raises SurfaceError with the number of edges that do not have two triangles, one in each direction.
+    Parameters
+    ----------
+    vertices : numpy.ndarray
+        (V, 3) [mm].
+    triangles : numpy.ndarray
+        (T, 3) int, rows of vertices.
+    edge : float
+        Element size [mm] that the surface is to be used with; 0 where it does not matter.
+
+    Returns
+    -------
+    ClosedSurface
+        With distance and normal.
+
+    Raises
+    ------
+    SurfaceError
+        Where an edge does not have two triangles, one in each direction; the message counts them.
     """
     size = np.ptp(vertices, axis=0).max()
     _, kept, joined = np.unique(

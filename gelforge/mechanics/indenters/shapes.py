@@ -16,6 +16,8 @@ import numpy as np
 DOWN = np.array([0.0, 0.0, -1.0])
 # The edge of a soft contact lies at about this share of the depth (a half for Hertz's ball), and not a tenth further out.
 SECTION, MARGIN = 0.6, 1.1
+
+# Gaps, normals and turns of every shape against its surface (tests/mechanics/test_indenters.py):
 SAMPLES = 65  # points along a side of the box around a shape whose projections sample its surface
 WIDE = 2.0  # a section longer than this many widths is covered by several discs
 

@@ -1,7 +1,7 @@
 """A number type of compiled functions: the same quantity of several elements, in the lanes of vector registers.
 
 Arithmetic of lanes is that of LLVM's vectors, so that it needs no loop that a compiler may or may not vectorise. Code is
-written as for floats: + - * / **, abs, min, max and the functions of `math` below take lanes, and a float beside lanes is
+written as for floats: + - * / **, abs, min, max and the functions of `math` below take lanes, and a float next to lanes is
 the same in all of them. What lanes cannot do is branch: `where_less` chooses instead.
 """
 
@@ -82,11 +82,11 @@ def _splat(builder, kind, value):
 
 def _joined(builder, vectors):
     """Return vectors one after the other as one."""
-    found = vectors[0]
+    joined = vectors[0]
     for other in vectors[1:]:
-        order = ir.VectorType(_INT, found.type.count + other.type.count)
-        found = builder.shuffle_vector(found, other, ir.Constant(order, list(range(order.count))))
-    return found
+        order = ir.VectorType(_INT, joined.type.count + other.type.count)
+        joined = builder.shuffle_vector(joined, other, ir.Constant(order, list(range(order.count))))
+    return joined
 
 
 def _call(builder, name: str, *arguments):
@@ -104,7 +104,7 @@ def _of_number(context, builder, from_type, to_type, value):
 
 
 def _widest(given):
-    return max((each for each in given if isinstance(each, Lanes)), key=lambda each: each.count, default=None)
+    return max((kind for kind in given if isinstance(kind, Lanes)), key=lambda kind: kind.count, default=None)
 
 
 def _of_lanes(function, count: int, lower) -> None:
@@ -131,11 +131,11 @@ def _lane_by_lane(function, count: int) -> None:
 
     def lower(context, builder, sig, values):
         scalar = context.get_function(function, signature(types.float64, *[types.float64] * count))
-        found = ir.Constant(values[0].type, ir.Undefined)
-        for lane in map(_INT, range(found.type.count)):
+        result = ir.Constant(values[0].type, ir.Undefined)
+        for lane in map(_INT, range(result.type.count)):
             one = scalar(builder, [builder.extract_element(value, lane) for value in values])
-            found = builder.insert_element(found, one, lane)
-        return found
+            result = builder.insert_element(result, one, lane)
+        return result
 
     _of_lanes(function, count, lower)
 
@@ -160,10 +160,10 @@ def _exp(b, x):
 
 
 def _horner(b, x, terms):
-    found = _constant(x, terms[-1])
+    result = _constant(x, terms[-1])
     for term in reversed(terms[:-1]):
-        found = _call(b, "fmuladd", found, x, _constant(x, term))
-    return found
+        result = _call(b, "fmuladd", result, x, _constant(x, term))
+    return result
 
 
 def _log(b, x):
@@ -280,11 +280,11 @@ def take(typingctx, numbers, starts, k):
     def lower(context, builder, sig, values):
         array, starts, k = values
         data = builder.gep(context.make_array(sig.args[0])(context, builder, array).data, [k])
-        found = ir.Constant(ir.VectorType(_DOUBLE, LANES), ir.Undefined)
+        result = ir.Constant(ir.VectorType(_DOUBLE, LANES), ir.Undefined)
         for lane in range(LANES):
             one = builder.load(builder.gep(data, [builder.extract_value(starts, lane)]))
-            found = builder.insert_element(found, one, _INT(lane))
-        return found
+            result = builder.insert_element(result, one, _INT(lane))
+        return result
 
     return lanes(numbers, _STARTS, types.intp), lower
 
@@ -297,12 +297,12 @@ def starts_at(typingctx, numbers, starts, k, stride):
         array, starts, k, stride = values
         kind = sig.args[0]
         data = builder.gep(context.make_array(kind)(context, builder, array).data, [k])
-        found = ir.Constant(context.get_value_type(_STARTS), ir.Undefined)
+        result = ir.Constant(context.get_value_type(_STARTS), ir.Undefined)
         for lane in range(LANES):
             one = builder.load(builder.gep(data, [builder.extract_value(starts, lane)]))
             one = builder.mul(context.cast(builder, one, kind.dtype, types.intp), stride)
-            found = builder.insert_value(found, one, lane)
-        return found
+            result = builder.insert_value(result, one, lane)
+        return result
 
     return _STARTS(numbers, _STARTS, types.intp, types.intp), lower
 

@@ -23,10 +23,10 @@ class GivenParameters(Section):
     @model_validator(mode="before")
     @classmethod
     def _isochoric_only(cls, content):
-        found = sorted(COMPRESSIBILITY & set(content)) if isinstance(content, dict) else []
-        if found:
+        keys = sorted(COMPRESSIBILITY & set(content)) if isinstance(content, dict) else []
+        if keys:
             raise ValueError(
-                f"{found} state(s) compressibility, which is mechanics.bulk_to_shear (K/mu; for D1 of Abaqus or d of ANSYS "
+                f"{keys} state(s) compressibility, which is mechanics.bulk_to_shear (K/mu; for D1 of Abaqus or d of ANSYS "
                 "2 / (D1 mu), and D1 = 0 is incompressible: leave the default); take the key(s) out"
             )
         return content

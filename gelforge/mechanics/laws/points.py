@@ -52,13 +52,13 @@ def point_number(law: PrincipalLaw) -> int:
 def point_constants(laws: Sequence[PrincipalLaw]) -> np.ndarray:
     """Return the constants (L, K) as principal_stress takes them, a law a row."""
     correction = 2 * any(isinstance(law, Corrected) for law in laws)
-    found = np.zeros((len(laws), max(len(_plain(law).point_constants) for law in laws) + correction))
-    for row, law in zip(found, laws):
-        own = _plain(law).point_constants
-        row[: len(own)] = own
+    constants = np.zeros((len(laws), max(len(_plain(law).point_constants) for law in laws) + correction))
+    for row, law in zip(constants, laws):
+        constants_of = _plain(law).point_constants
+        row[: len(constants_of)] = constants_of
         if isinstance(law, Corrected):
             row[-2:] = law.C20, law.C30
-    return found
+    return constants
 
 
 def _plain(law: PrincipalLaw) -> PrincipalLaw:
@@ -70,35 +70,35 @@ def _inlined(routine: Callable):
 
 
 def _stretches_by_number(others, numbered):
-    number, own = numbered[0], _inlined(numbered[1])
+    number, routine = numbered[0], _inlined(numbered[1])
 
     def choice(law, constants, lam):
         if law == number:
-            return own(constants, lam)
+            return routine(constants, lam)
         return others(law, constants, lam)
 
     return _inlined(choice)
 
 
 def _invariants_by_number(others, numbered):
-    number, own = numbered[0], _inlined(numbered[1])
+    number, routine = numbered[0], _inlined(numbered[1])
 
     def choice(law, constants, x, y):
         if law == number:
-            return own(constants, x, y)
+            return routine(constants, x, y)
         return others(law, constants, x, y)
 
     return _inlined(choice)
 
 
 def _last_of_stretches(routine: Callable):
-    own = _inlined(routine)
-    return _inlined(lambda law, constants, lam: own(constants, lam))
+    inlined = _inlined(routine)
+    return _inlined(lambda law, constants, lam: inlined(constants, lam))
 
 
 def _last_of_invariants(routine: Callable):
-    own = _inlined(routine)
-    return _inlined(lambda law, constants, x, y: own(constants, x, y))
+    inlined = _inlined(routine)
+    return _inlined(lambda law, constants, x, y: inlined(constants, x, y))
 
 
 _of_stretches = reduce(
@@ -152,10 +152,10 @@ def _of_plain(law, constants, lam):
 def principal_stress(law, constants, lam):
     """Return W [MPa], beta (3,) [MPa], gamma (6,) [MPa] and the extension over its limit at lam (3,)."""
     corrected = law >= CORRECTED
-    number, own = law, constants
+    number, parameters = law, constants
     if corrected:
-        number, own = law - CORRECTED, constants[:-2]
-    energy, b, g, extension = _of_plain(number, own, lam)
+        number, parameters = law - CORRECTED, constants[:-2]
+    energy, b, g, extension = _of_plain(number, parameters, lam)
     if not corrected:
         return energy, b, g, extension
     C20, C30 = constants[-2], constants[-1]

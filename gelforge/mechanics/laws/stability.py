@@ -18,9 +18,21 @@ PLANE = np.array([[2.0, 0.0], [-1.0, 1.0], [-1.0, -1.0]]) / np.sqrt([6.0, 2.0])
 
 
 def drucker_margin(law: PrincipalLaw, lam: np.ndarray) -> np.ndarray:
-    """Return the smallest stiffness (...) [MPa] against isochoric increments at the stretches lam (..., 3).
+    """Return the smallest stiffness of a constitutive model against isochoric increments.
 
-    It is 2 mu at rest and negative where the law is unstable; NaN beyond the law's limiting stretch.
+    It is 2 mu at rest, and negative where the model is unstable (Drucker).
+
+    Parameters
+    ----------
+    law : PrincipalLaw
+        Moduli in MPa.
+    lam : numpy.ndarray
+        (..., 3) principal stretches; their volume is divided out.
+
+    Returns
+    -------
+    numpy.ndarray
+        (...) [MPa]; NaN beyond the model's limiting stretch.
     """
     lam = np.asarray(lam, dtype=float)
     lam = lam / np.cbrt(lam.prod(axis=-1, keepdims=True))

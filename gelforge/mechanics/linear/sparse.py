@@ -163,7 +163,25 @@ class SuperLU:
 
 
 def direct_solver(pattern: Pattern, choice: str = "auto") -> DirectSolver:
-    """Return the solver of this name; "auto" takes PARDISO where MKL can be loaded and SuperLU elsewhere."""
+    """Return a direct solver for symmetric tangents.
+
+    Parameters
+    ----------
+    pattern : Pattern
+        Sparsity of the tangent.
+    choice : str
+        "pardiso", "superlu", or "auto": PARDISO where MKL can be loaded, SuperLU elsewhere.
+
+    Returns
+    -------
+    DirectSolver
+        It factorises values (nnz,) of the pattern and solves.
+
+    Raises
+    ------
+    ImportError
+        For "pardiso" where MKL cannot be loaded.
+    """
     if choice in ("auto", "pardiso"):
         try:
             return Pardiso(pattern)

@@ -154,20 +154,20 @@ def _coupled(starts, members, number, F):
     rows = np.zeros(F + 1, np.int32)
     columns = np.empty(16 * F + 16, np.int32)
     seen = np.full(F, -1, np.int32)
-    found = 0
+    count = 0
     for i in range(F):
         for k in range(begins[i], begins[i + 1]):
             for m in range(starts[sharing[k]], starts[sharing[k] + 1]):
                 j = number[members[m]]
                 if j >= i and seen[j] != i:
                     seen[j] = i
-                    if found == len(columns):
-                        columns = np.concatenate((columns, np.empty(found, np.int32)))
-                    columns[found] = j
-                    found += 1
-        columns[rows[i] : found].sort()
-        rows[i + 1] = found
-    return rows, columns[:found].copy()
+                    if count == len(columns):
+                        columns = np.concatenate((columns, np.empty(count, np.int32)))
+                    columns[count] = j
+                    count += 1
+        columns[rows[i] : count].sort()
+        rows[i + 1] = count
+    return rows, columns[:count].copy()
 
 
 @nb.njit(cache=True)
@@ -260,13 +260,13 @@ def _masters(starts, members, ties):
         begins[e + 1] = begins[e]
         for k in range(starts[e], starts[e + 1]):
             begins[e + 1] += tie_starts[members[k] + 1] - tie_starts[members[k]]
-    found = np.empty(begins[-1], np.int32)
+    masters = np.empty(begins[-1], np.int32)
     n = 0
     for node in members:
         for k in range(tie_starts[node], tie_starts[node + 1]):
-            found[n] = tie_nodes[k]
+            masters[n] = tie_nodes[k]
             n += 1
-    return begins, found
+    return begins, masters
 
 
 @nb.njit(cache=True)

@@ -124,6 +124,6 @@ class UnsymmetricTangent:
 
     def solve_at_nodes(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solutions (P, k, 3) at the nodes alone, zero where they are fixed."""
-        found = np.zeros((len(rhs), *self._free.shape))
-        found[:, self._free] = self._solver.solve_kept(rhs)
-        return found
+        solutions = np.zeros((len(rhs), *self._free.shape))
+        solutions[:, self._free] = self._solver.solve_kept(rhs)
+        return solutions

@@ -151,7 +151,22 @@ def mean_gradient(gradient: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def quadratic_tetrahedra(X: np.ndarray, tetrahedra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes (N + edges, 3) and numbers (E, 10) of straight 10-node tetrahedra from X (N, 3) and corners (E, 4)."""
+    """Return straight tetrahedra of ten nodes from their corners.
+
+    Parameters
+    ----------
+    X : numpy.ndarray
+        (N, 3) [mm] corners.
+    tetrahedra : numpy.ndarray
+        (E, 4) int, rows of corners.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N + edges, 3) [mm]: the corners, then the middle of each edge.
+    numpy.ndarray
+        (E, 10) int32, in meshio's order.
+    """
     edges = np.sort(tetrahedra[:, TET10_EDGES], axis=-1).reshape(-1, 2)
     unique, middle = np.unique(edges, axis=0, return_inverse=True)
     nodes = np.concatenate([X, X[unique].mean(axis=1)])
@@ -159,10 +174,22 @@ def quadratic_tetrahedra(X: np.ndarray, tetrahedra: np.ndarray) -> tuple[np.ndar
 
 
 def lumped_area(X: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the share (N,) [mm^2] of the faces (F, 4) or (F, 6) that belongs to each node of X (N, 3).
+    """Return the share of faces that belongs to each node.
 
     A four-sided face is a rectangle, a quarter to each corner. A six-node triangle is four flat ones, a third of each to
-    its corners: all shares are positive, over a flat face a linear traction keeps its force, a uniform one its moment too.
+    its corners: all shares are positive. Over a flat face a linear traction keeps its force, a uniform one its moment too.
+
+    Parameters
+    ----------
+    X : numpy.ndarray
+        (N, 3) [mm] nodes.
+    faces : numpy.ndarray
+        (F, 4) or (F, 6) int, rows of nodes.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N,) [mm^2]; they sum to the area of the faces.
     """
     area = np.zeros(len(X))
     if faces.shape[1] == 4:

@@ -140,7 +140,7 @@ def _vertical_lines(block: Block, sizes: Sizes) -> np.ndarray:
     heights = np.cumsum([0.0] + [thickness for _, thickness in block.layers]) - block.height
     heights[-1] = 0.0
     breaks, flange_top = list(heights), block.flange_height - block.height
-    # A second break one rounding beside an interface would make a layer of elements without thickness.
+    # A second break one rounding off an interface would make a layer of elements without thickness.
     if block.flange_width and np.abs(heights - flange_top).min() > 1e-9:
         breaks = sorted([*breaks, flange_top])
     lines = _spaced(breaks, size, MISSING)

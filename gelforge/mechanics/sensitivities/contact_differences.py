@@ -1,6 +1,6 @@
-"""How the contact forces change beside a solved state: with an indenter, its path, its settings, the history and the nodes.
+"""How the contact forces change close to a solved state: with indenter, path, settings, history and nodes.
 
-Which nodes are in contact, and which of them stick, is that of the solved state: beside it, everything is smooth. There no
+Which nodes are in contact, and which of them stick, is that of the solved state: next to it, everything is smooth. There no
 iteration follows that would close gaps and hold what sticks, so that stiff springs do it.
 """
 
@@ -17,6 +17,7 @@ from gelforge.mechanics.contact.surface import SurfaceContact
 from gelforge.mechanics.indenters.shapes import Indenter
 from gelforge.mechanics.meshes.mesh import Mesh
 
+# Derivatives against differences of full solutions (tests/verification/test_direct_sensitivities.py):
 # Of the springs that close gaps and hold what sticks, of shear modulus over element size: what is left of a gap or a slip
 # is this part of the others. Rounding in float64 times it is as small.
 STIFF = 1e6
@@ -60,7 +61,7 @@ class Held:
 
 
 def touching(contact: SurfaceContact, after: State) -> np.ndarray:
-    """Return which surface nodes (S,) have forces of contact in a state, or may have them beside it."""
+    """Return which surface nodes (S,) have forces of contact in a state, or may have them close to it."""
     s = contact.settings
     pulled = (after.gap < s.adhesion_range) & (max(s.adhesion_work, s.adhesion_approach) > 0)
     return (after.contact_pressure > 0) | pulled

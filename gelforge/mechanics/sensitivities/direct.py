@@ -35,6 +35,7 @@ from gelforge.mechanics.sensitivities.contact_differences import (
 from gelforge.mechanics.sensitivities.force_differences import ForceDifferences
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press, padded
 
+# Derivatives against differences of full solutions (tests/verification/test_direct_sensitivities.py):
 LITTLE = 1e-4  # of what a residual stretch moves per unit
 
 
@@ -79,10 +80,38 @@ def follow_with_slopes(
     seconds: list[float] | None = None,
     forces_only: bool = False,
 ) -> Iterator[tuple[State, Slopes]]:
-    """Yield the base's state at each centre (D, 3) or (D, 6) in turn, with its derivatives along each varied indentation.
+    """Yield the state at each centre of the indenter, with its derivatives along varied indentations.
 
-    The base goes its whole way before the first is yielded. seconds and forces_only: see slopes_along. Raises NotConverged
-    as the base does, after what it has reached; ValueError where a mesh has other elements or the body remembers.
+    The base goes its whole way before the first state is yielded.
+
+    Parameters
+    ----------
+    base : Press
+        Body, indenter and settings.
+    start : State
+        In equilibrium.
+    centres : numpy.ndarray
+        (D, 3) [mm], or (D, 6) with turns [rad].
+    varied : sequence of Varied
+        Indentations that differ by a small amount.
+    seconds : list of float, optional
+        As of slopes_along.
+    forces_only : bool
+        As of slopes_along.
+
+    Yields
+    ------
+    State
+        At one centre.
+    Slopes
+        Derivatives of forces [N] and displacements [mm] per unit of each amount.
+
+    Raises
+    ------
+    NotConverged
+        As the base raises it, after the states that it has reached.
+    ValueError
+        Where a mesh has other elements, or the body remembers.
     """
     _check(base, varied)
     path, failure = Followed(start, np.asarray(centres, dtype=float), [], []), None
@@ -238,11 +267,11 @@ class _Chain:
         place (n,): theirs among the nodes at which derivatives are carried.
         """
         u, moved = self.u[:, place], self.moved[:, place]
-        found = np.empty((len(self.varied), len(held.nodes), 3))
+        differences = np.empty((len(self.varied), len(held.nodes), 3))
         # Of what leaves indenter, path, settings and nodes alone only the history counts: all of it is looked at together.
         together = np.flatnonzero(self.only_body & ~shifts.any(axis=1) & ~self.shift.any(axis=1))
         if len(together) and len(held.nodes):
-            found[together] = self._by_history(contact, held, together, u[together], moved[together])
+            differences[together] = self._by_history(contact, held, together, u[together], moved[together])
         for k in np.setdiff1d(np.arange(len(self.varied)), together):
             one = self.varied[k]
             other = beside(contact, held, one.body.mesh, one.indenter, one.settings)
@@ -255,8 +284,8 @@ class _Chain:
                 None if before.travel is None else before.travel + self.turn_of_path[k],
             )
             seen = seen_at(other, old, held.centre + shifts[k], held.u, held.pressure, held.active)
-            found[k] = force_change(held, held.seen.change_to(seen, one.amount))
-        return found
+            differences[k] = force_change(held, held.seen.change_to(seen, one.amount))
+        return differences
 
     def _by_history(
         self, contact: SurfaceContact, held: Held, which: np.ndarray, u: np.ndarray, moved: np.ndarray

@@ -16,8 +16,9 @@ import scipy.sparse as sp
 from gelforge.mechanics.bodies.body import Body, SmallStrainBody
 from gelforge.mechanics.meshes.elements import ELEMENTS
 
+# Derivatives against differences of full solutions (tests/verification/test_direct_sensitivities.py):
 # Share of a difference that is taken. With nodes elsewhere, displacements that stay change volumes, against a bulk modulus
-# of a thousand shear moduli: the square of such a change must be little beside what shears.
+# of a thousand shear moduli: the square of such a change must be little against what shears.
 LESS = 1e-3
 MODULI = ("stiffness", "element_bulk", "local_bulk")
 
@@ -90,28 +91,28 @@ class ForceDifferences:
         The element pressures are those of the volume change; pressure (E,) [MPa] those of the solved state.
         """
         P, N = len(self.bodies), len(self.base.mesh.X)
-        found = np.zeros((P, N, 3))
+        differences = np.zeros((P, N, 3))
         if self._linear:
             before = self.base.response(u, pressure).f_condensed
             for number, body in enumerate(self.bodies):
                 if body is not self.base:
                     there = body.response(u, pressure).f_condensed
-                    found[number] = (there - before) / self.amounts[number]
-            return found
+                    differences[number] = (there - before) / self.amounts[number]
+            return differences
         if not (self._moduli or self._others):
-            return found
+            return differences
         elements = self.base.mesh.elements
         moved, none = u[elements].reshape(-1, 3), np.zeros(len(elements))
         response = self._apart.response(moved, none)
         if self._moduli:
-            found[self._moduli] = self._by_moduli(response, moved).reshape(len(self._moduli), N, 3)
+            differences[self._moduli] = self._by_moduli(response, moved).reshape(len(self._moduli), N, 3)
         of_elements = response.f_condensed.reshape(*elements.shape, 3)
         for number, (part, amount) in self._parts.items():
             there = part.response(u, np.zeros(len(part.mesh.elements))).f_condensed
             which = self._others[number]
             there -= _summed(of_elements[which], elements[which], N)
-            found[number] = there / amount
-        return _gathered(self.base, found)
+            differences[number] = there / amount
+        return _gathered(self.base, differences)
 
     def _by_moduli(self, response, moved: np.ndarray) -> np.ndarray:
         """Return the changes (P, 3 N) by growing moduli: those of every element times its own forces."""

@@ -113,10 +113,10 @@ class Corrections:
         force[self.surface] -= forces.f_consistent if consistent else forces.f_condensed
         volume = (response.p_volume - pressure) / kv
         rhs = np.concatenate([-force[self.free], -weight * volume])
-        found, self._steps = flexible_gmres(product, precondition, rhs, target, MOST_STEPS)
+        solution, self._steps = flexible_gmres(product, precondition, rhs, target, MOST_STEPS)
         du = np.zeros_like(force)
-        du[self.free] = found[:n]
-        return self.body.spread(du), found[n:]
+        du[self.free] = solution[:n]
+        return self.body.spread(du), solution[n:]
 
     def _inverse(self, forces: ContactForces, blocks: np.ndarray):
         """Return the factorised tangent's inverse with the blocks (S, 3, 3) of nodes whose contact state has changed."""
@@ -146,8 +146,8 @@ class Corrections:
         rows = self._equations[nodes].ravel()
         unit = np.zeros((len(rows), self.body.pattern.size), np.float32)
         unit[np.arange(len(rows)), rows] = 1.0
-        found = self.solver.solve_many(unit)
-        self._columns |= {node: found[3 * k : 3 * k + 3] for k, node in enumerate(nodes)}
+        columns = self.solver.solve_many(unit)
+        self._columns |= {node: columns[3 * k : 3 * k + 3] for k, node in enumerate(nodes)}
 
     def _grown(self, coupling: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the growth (E,) [mm^3] of elements with free displacements (n,)."""

@@ -20,7 +20,7 @@ from gelforge.mechanics.solving.corrections import Corrections
 from gelforge.mechanics.solving.prediction import extrapolated, slope_of, unknowns
 
 # Constants that steer the iteration change how many steps and factorisations it takes, which benchmarks/cell_cost.py prints,
-# and no converged state beyond its tolerances.
+# and no converged state beyond its tolerances:
 STEP_LENGTHS = tuple(0.5**halvings for halvings in range(5))  # of a correction
 # Below this residual, and with no node changing between open, stick and slip, the contact's consistent tangent is taken
 # (counts: benchmarks/cell_cost.py).
@@ -49,7 +49,7 @@ PATIENT = 10
 FIRST_STEP = 0.25
 # A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there.
 PATIENCE = 3
-ROUNDING = 1e-9  # of a number of steps
+ROUNDING = 1e-9  # of a number of steps: far above 1e-16 and far below a step
 USUAL = Settings()
 
 
@@ -188,12 +188,12 @@ class Press:
             lead = min(max(float(state.gap.min()), 0.0), length)
             while (length * stops[0] - lead) > FIRST_STEP * size * (1 + ROUNDING):
                 stops.insert(0, (length * stops[0] + lead) / 2 / length)
-        found, last = [], 0.0
+        shares, last = [], 0.0
         for stop in stops:
             n = max(1, math.ceil(length * (stop - last) / (s.longest_step * size) - ROUNDING))
-            found += [last + (stop - last) * k / n for k in range(1, n)] + [stop]
+            shares += [last + (stop - last) * k / n for k in range(1, n)] + [stop]
             last = stop
-        return found
+        return shares
 
     def iterations_allowed(self, halvings: int) -> int:
         """Return how many iterations a step may take that has been halved so often: the last one has more patience."""

@@ -18,7 +18,8 @@ from gelforge.mechanics.contact.surface import Iterate, SurfaceContact, steps_ra
 NEIGHBOURS = 4  # nodes whose contact pressures give that of a node (counts: benchmarks/cell_cost.py)
 # A node further outside than this share of the element size is not predicted to touch (counts: benchmarks/cell_cost.py).
 NEAR = 0.05
-SAME_PLACE = 1e-6  # of the element size
+# Of the element size: the weight of a node at the very place stays finite, 1e12 times that of the next.
+SAME_PLACE = 1e-6
 # Of the mean contact pressure, at least, of a node that is predicted to touch (counts: benchmarks/cell_cost.py).
 LEAST = 0.02
 

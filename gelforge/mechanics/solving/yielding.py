@@ -10,7 +10,7 @@ import numpy as np
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.solving.equilibrium import Aim, NotConverged, Press, Watch, padded
 
-MAX_SOLVES = 12  # of one step: the secant takes three to five
+MAX_SOLVES = 12  # of one step: the secant takes 3 to 5
 SHARE_OF_GAP = 1e-2  # of the contact's own tolerance: to this the place of the indenter is found
 
 
@@ -23,13 +23,37 @@ def follow_yielding(
     watch: Watch | None = None,
     begun: np.ndarray | None = None,
 ) -> Iterator[State]:
-    """Yield the state at each commanded centre (n, 3) or (n, 6) [mm] in turn; a step that fails is halved.
+    """Yield the state at each commanded centre of an indenter whose machine yields; a step that fails is halved.
 
-    yielding (3,) [mm/N] points along the path, its length is the compliance c: the indenter is at the commanded centre
-    minus c (F . a) a, a the unit vector along the path and F the force on the body. Friction is counted from the last
-    state that balances, not from trials. yielding None: nothing yields, as Press.follow. times (n,) [s]: as there; so is
-    watch, which is called where nothing yields. begun (3,) or (6,): the commanded centre at the start, if not the
-    indenter's. Raises NotConverged.
+    The indenter is at the commanded centre minus c (F . a) a, with the compliance c, the unit vector a along the path and
+    the force F on the body. Friction is counted from the last state that balances, not from trials.
+
+    Parameters
+    ----------
+    press : Press
+        Body, indenter and settings.
+    start : State
+        In equilibrium.
+    commanded : numpy.ndarray
+        (n, 3) [mm], or (n, 6) with turns [rad].
+    yielding : numpy.ndarray or None
+        (3,) [mm/N]: along the path, its length is c. None: nothing yields, as Press.follow.
+    times : numpy.ndarray, optional
+        (n,) [s], for a body that remembers.
+    watch : callable, optional
+        Called after each step where nothing yields.
+    begun : numpy.ndarray, optional
+        (3,) or (6,) commanded centre at the start, if not the indenter's.
+
+    Yields
+    ------
+    State
+        At one commanded centre.
+
+    Raises
+    ------
+    NotConverged
+        For a step that has no equilibrium.
     """
     if yielding is None:
         yield from press.follow(start, commanded, watch, times)

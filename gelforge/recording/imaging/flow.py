@@ -33,9 +33,24 @@ class ImageError(ValueError):
 
 
 def read_grey(path: str | Path, crop_px: list[int] | None = None) -> np.ndarray:
-    """Return an image file as grey levels (H, W) uint8, cropped to left, top, width, height if given.
+    """Return an image file as grey levels.
 
-    Raises ImageError naming the file when it is missing or cannot be decoded.
+    Parameters
+    ----------
+    path : str or Path
+        PNG, TIFF, BMP or JPEG.
+    crop_px : list of int, optional
+        Left, top, width and height [px] of the part to keep.
+
+    Returns
+    -------
+    numpy.ndarray
+        (H, W) uint8.
+
+    Raises
+    ------
+    ImageError
+        For a file that is missing, cannot be decoded or is no image, and for a crop that reaches beyond it.
     """
     path = Path(path)
     what = what_it_is(path)
@@ -53,12 +68,41 @@ def read_grey(path: str | Path, crop_px: list[int] | None = None) -> np.ndarray:
 
 
 def grey(image: np.ndarray) -> np.ndarray:
-    """Return a frame (H, W) or (H, W, 3; blue, green, red) as grey levels (H, W) uint8."""
+    """Return a frame as grey levels.
+
+    Parameters
+    ----------
+    image : numpy.ndarray
+        (H, W), or (H, W, 3) as blue, green, red.
+
+    Returns
+    -------
+    numpy.ndarray
+        (H, W) uint8; the frame itself where it has one channel.
+    """
     return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
 
 
 def crop(image: np.ndarray, crop_px: list[int] | None) -> np.ndarray:
-    """Return the part of an image (H, W) given by left, top, width, height, or all of it."""
+    """Return a part of an image.
+
+    Parameters
+    ----------
+    image : numpy.ndarray
+        (H, W) or (H, W, 3).
+    crop_px : list of int or None
+        Left, top, width and height [px]; None for all of it.
+
+    Returns
+    -------
+    numpy.ndarray
+        (height, width), contiguous.
+
+    Raises
+    ------
+    ImageError
+        For a part that reaches beyond the image.
+    """
     if crop_px is None:
         return image
     left, top, width, height = crop_px
@@ -71,11 +115,23 @@ def crop(image: np.ndarray, crop_px: list[int] | None) -> np.ndarray:
 
 
 def reduced(image: np.ndarray, scale: float) -> np.ndarray:
-    """Return an image (H, W) reduced to (scale H, scale W), rounded.
+    """Return an image reduced to a share of its size.
 
-    Pixel i shows the place (i + 0.5) / scale - 0.5 [px] along both axes, whatever the rounding, so that lengths are those
-    of the image times scale. It is read between pixels, as `Remapper` does, which takes in every pixel down to half the
-    size and a fifth of the time of means over areas; below that it is such a mean.
+    Pixel i shows the place (i + 0.5) / scale - 0.5 [px] along both axes, whatever the rounding: lengths are those of the
+    image times scale. Down to half the size it is read between pixels, as `Remapper` does, in a fifth of the time of means
+    over areas. Below that it is such a mean.
+
+    Parameters
+    ----------
+    image : numpy.ndarray
+        (H, W).
+    scale : float
+        Above 0, at most 1.
+
+    Returns
+    -------
+    numpy.ndarray
+        (scale H, scale W), rounded, of the type of the image; the image itself for 1.
     """
     if scale == 1:
         return image

@@ -29,8 +29,18 @@ class Frame:
 def images_in(folder: Path) -> list[Path]:
     """Return the images of a folder by the numbers in their names: frame_2 before frame_10, 1.25 before 1.5.
 
-    Where the part after a point counts, as in cam1.2 and cam1.10, it is a number of its own: no decimal fractions are
-    written with a last zero here and with fewer digits there, or rise by equal steps of whole numbers.
+    Digits after a point that count on, as in cam1.2 and cam1.10, are a number of their own. They do where they have several
+    widths, and a longer one ends in zero or all rise by equal steps.
+
+    Parameters
+    ----------
+    folder : Path
+        Must exist.
+
+    Returns
+    -------
+    list of Path
+        PNG, TIFF, BMP and JPEG, in order.
     """
     paths = [path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES]
     names = {path: re.split(r"(\d+(?:\.\d+)?)", path.stem) for path in paths}
@@ -43,9 +53,9 @@ def images_in(folder: Path) -> list[Path]:
     def key(path: Path) -> tuple[list[tuple[int, int, int, str]], str]:
         keys = []
         for slot, text in enumerate(names[path]):
-            whole, _, fraction = text.partition(".")
+            integer, _, fraction = text.partition(".")
             if slot % 2:
-                keys.append((0, int(whole), int(fraction or 0) if slot in counted else 0, fraction))
+                keys.append((0, int(integer), int(fraction or 0) if slot in counted else 0, fraction))
             else:
                 keys.append((1, 0, 0, text))
         return keys, path.suffix
@@ -62,9 +72,22 @@ def _counts(fractions: set[str]) -> bool:
 
 
 def frames(source: str | Path | int) -> Iterator[Frame]:
-    """Return the frames of a folder of images (by the numbers in their names), a video file, or a camera by its number.
+    """Return the frames of a source, one after another.
 
-    Raises ImageError for a source that is missing, empty or cannot be decoded, before the first frame is asked for.
+    Parameters
+    ----------
+    source : str, Path or int
+        A folder of images (by the numbers in their names), a video file, or a camera by its number.
+
+    Yields
+    ------
+    Frame
+        Image (H, W) uint8 in grey levels, name, and time [s] since the first frame; NaN for a folder.
+
+    Raises
+    ------
+    ImageError
+        For a source that is missing, empty or cannot be decoded, before the first frame is asked for.
     """
     if isinstance(source, int) or str(source).isdecimal():
         number = int(str(source))

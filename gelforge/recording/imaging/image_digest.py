@@ -20,9 +20,9 @@ from gelforge.files import digest, file_sha256, write_text
 from gelforge.recording.imaging.images import reference_path
 
 KEPT = Path(".snakemake/images")
-# A file that is this new may change again within one tick of its time stamp: what it holds is not kept.
+# A file this new may change again within a tick of its time stamp, at most 2 s (FAT): what it holds is not kept.
 SETTLED_NS = 2_000_000_000
-THREADS = 4  # reading and hashing run in parallel
+THREADS = 4  # reading and hashing run in parallel (no result depends on it)
 State = list[int]  # of a file: size, times of the last change of content and of anything
 
 
@@ -35,8 +35,8 @@ def images_digest(folder: str | Path) -> str:
     states = {name: _state(path) for name, path in paths.items()}
     unknown = [name for name in paths if known.get(name, [None])[0] != states[name]]
     with ThreadPoolExecutor(THREADS) as pool:
-        found = dict(zip(unknown, pool.map(file_sha256, (paths[name] for name in unknown))))
-    content = {name: found.get(name) or known[name][1] for name in paths}
+        digests = dict(zip(unknown, pool.map(file_sha256, (paths[name] for name in unknown))))
+    content = {name: digests.get(name) or known[name][1] for name in paths}
     settled = time.time_ns() - SETTLED_NS
     keep = {name: [states[name], content[name]] for name in paths if max(states[name][1:]) < settled}
     if kept and keep != known:
@@ -56,8 +56,8 @@ def _files(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _state(path: Path) -> State:
-    found = os.stat(path)
-    return [found.st_size, found.st_mtime_ns, found.st_ctime_ns]
+    status = os.stat(path)
+    return [status.st_size, status.st_mtime_ns, status.st_ctime_ns]
 
 
 def _kept_file(folder: Path) -> Path | None:

@@ -17,6 +17,8 @@ from gelforge.recording.imaging.texture import textured
 from gelforge.recording.imaging.warp import read_along
 
 PRESET = "fine"  # of the flow where no study's settings are known
+
+# Of 14 kinds of honest SYNTHETIC images each passes, and each fault is found (tests/recording/test_image_plausibility.py):
 # A session is judged by this many runs of this many indentations one after another, spread over it: enough to see a lag, a
 # frozen camera or a surface that the flow does not fit, in seconds. `features` measures every image.
 RUNS, RUN_LENGTH = 3, 8
@@ -83,15 +85,15 @@ def banding(image: np.ndarray, reference: np.ndarray) -> float:
 
     A quadratic is taken out: light that falls off to a side is no band. Motion of the texture averages out along a row.
     """
-    found = []
+    amplitudes = []
     for axis in (0, 1):
         ratio = image.mean(axis=axis) / np.maximum(reference.mean(axis=axis), 1.0)
         size = max(3, len(ratio) // 40)
         ratio = np.convolve(ratio, np.full(size, 1 / size), "valid")
         at = np.linspace(-1, 1, len(ratio))
         even = ratio - np.polyval(np.polyfit(at, ratio, 2), at)
-        found.append(np.ptp(np.quantile(even, [0.05, 0.95])) / 2 / max(float(np.median(ratio)), 1e-9))
-    return float(max(found))
+        amplitudes.append(np.ptp(np.quantile(even, [0.05, 0.95])) / 2 / max(float(np.median(ratio)), 1e-9))
+    return float(max(amplitudes))
 
 
 def pixel_digest(image: np.ndarray) -> str:
@@ -157,7 +159,7 @@ def measured(folder: Path, crop_px: list[int] | None, rows: pd.DataFrame) -> pd.
     return add_measures(rows, [measurer(picture, search(picture)) for picture in pictures])
 
 
-def add_measures(rows: pd.DataFrame, found: list[Measures]) -> pd.DataFrame:
+def add_measures(rows: pd.DataFrame, measures: list[Measures]) -> pd.DataFrame:
     """Return rows with the measures of their images as columns."""
-    columns = zip(*map(astuple, found)) if found else ([] for _ in NAMES)
+    columns = zip(*map(astuple, measures)) if measures else ([] for _ in NAMES)
     return rows.assign(**{name: list(column) for name, column in zip(NAMES, columns)})

@@ -12,18 +12,42 @@ from gelforge.config import Session
 from gelforge.input_files import NotAFile, regular_file
 from gelforge.recording.tables.checks import RecordingError
 
-ORIENTATION = 0x0112  # the EXIF tag; a phone or camera sets it by how it is held
+ORIENTATION = 0x0112  # the tag 0x0112 of EXIF; a phone or camera sets it by how it is held
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk's name and checksum; a truncated PNG lacks it
 JPEG_END, JPEG_TAIL = b"\xff\xd9", 4096  # the end marker; cameras pad what follows
 
 
 def image_path(folder: str | Path, name: str) -> Path:
-    """Return the path of a session's image."""
+    """Return the path of a session's image.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The session's folder.
+    name : str
+        As the column `image` of indentations.csv names it.
+
+    Returns
+    -------
+    Path
+        <folder>/images/<name>, whether it exists or not.
+    """
     return Path(folder) / "images" / name
 
 
 def reference_path(folder: str | Path) -> Path:
-    """Return the path of a session's zero-force frame."""
+    """Return the path of a session's zero-force frame.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The session's folder.
+
+    Returns
+    -------
+    Path
+        <folder>/reference.png, whether it exists or not.
+    """
     return Path(folder) / "reference.png"
 
 
@@ -60,10 +84,10 @@ def check_images(folder: Path, images: pd.Series, session: Session) -> None:
             raise RecordingError(
                 f"{table}, row {line}: image {name} is not in {folder / 'images'}; copy it there"
             )
-        found = image_size(folder / "images" / name)
-        if found != size:
+        pixels = image_size(folder / "images" / name)
+        if pixels != size:
             raise RecordingError(
-                f"{folder / 'images' / name}: {found[0]} x {found[1]} px, but the reference frame has "
+                f"{folder / 'images' / name}: {pixels[0]} x {pixels[1]} px, but the reference frame has "
                 f"{size[0]} x {size[1]} "
                 "px; record both with the same camera settings"
             )
@@ -94,7 +118,18 @@ def image_size(path: Path) -> tuple[int, int]:
 
 
 def refuse_turned(path: Path) -> None:
-    """Raise RecordingError for an image whose EXIF orientation says that it is to be shown turned or mirrored."""
+    """Refuse an image whose EXIF orientation says that it is to be shown turned or mirrored.
+
+    Parameters
+    ----------
+    path : Path
+        The image; one that cannot be decoded passes here.
+
+    Raises
+    ------
+    RecordingError
+        Names the image and the orientation.
+    """
     try:
         with Image.open(path) as image:
             _refuse_turned(path, image)

@@ -13,6 +13,8 @@ import numpy as np
 
 # Immerkaer's operator of 1996 (doi:10.1006/cviu.1996.0060) divided by its norm: white noise keeps its standard deviation.
 NOISE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
+
+# Untouched dots do not move in any light, stripes are no texture, speckle is (tests/recording/test_texture.py):
 NOISE_PX = 16  # side of the squares among which the smoothest show the noise
 NOISE_PERCENTILE = 2.0
 # rounding to whole grey levels; a camera's own at most: above it the smoothest squares show texture

@@ -14,7 +14,8 @@ from gelforge.progress import tracked
 from gelforge.recording.imaging.flow import ImageError, read_grey
 from gelforge.recording.imaging.frames import SUFFIXES, images_in
 
-LEAST_CORNERS = 8  # of a ChArUco board that is seen in part: a plane's four, twice over
+# Of a ChArUco board that is seen in part: the 4 that a plane's homography needs, twice over.
+LEAST_CORNERS = 8
 SEARCH = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
 
 
@@ -90,7 +91,25 @@ class Views:
 
 
 def find_boards(folder: str | Path, board: Board) -> Views:
-    """Return the boards in a folder's images. Raises CalibrationError for no images, or images of several sizes."""
+    """Return the calibration boards in a folder's images.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Images of one size; those that cannot be decoded are left out by name.
+    board : Board
+        Rows, columns and size of the squares [mm]; markers of a ChArUco board.
+
+    Returns
+    -------
+    Views
+        Corners [px] by image, images left out with the reason, and whether markers are mirrored.
+
+    Raises
+    ------
+    CalibrationError
+        For no folder, no images, or images of several sizes.
+    """
     folder = Path(folder)
     if what := another_kind(folder, "a folder"):
         one = f" (of a video: ffmpeg -i {folder.name} -r 2 FOLDER/%04d.png)" if "video" in what else ""
@@ -123,11 +142,11 @@ def find_boards(folder: str | Path, board: Board) -> Views:
                 f"{path}: {size[0]} x {size[1]} px, but {first} has {views.size[0]} x {views.size[1]} px; a calibration "
                 "is of one size, take the images of one camera at one setting"
             )
-        found, flipped = _corners(image, board)
-        if isinstance(found, str):
-            views.left_out[path.name] = found
+        corners, flipped = _corners(image, board)
+        if isinstance(corners, str):
+            views.left_out[path.name] = corners
         else:
-            views.seen.append(View(path.name, *found))
+            views.seen.append(View(path.name, *corners))
             flips.append(flipped)
     assert views is not None  # of the first path
     if board.marker_mm is not None and flips:

@@ -14,6 +14,7 @@ from gelforge.recording.optics.boards import Board, CalibrationError, View, View
 from gelforge.recording.optics.camera import CameraError, unproject
 from gelforge.recording.optics.remap import places_in
 
+# Drawn boards and what they determine: `python benchmarks/cameras.py`:
 LEAST_IMAGES = 5  # three determine the intrinsics of a noiseless board; OpenCV asks for ten
 LARGEST_RMS_PX = 1.0  # corners are found to a tenth of a pixel; more is a wrong model, a bent board or motion
 LARGEST_FOCAL_SD = 0.02  # of the focal length; parallel boards leave ten times that and more
@@ -73,15 +74,36 @@ class Calibration:
 def calibrate(
     views: Views, board: Board, model: str = "pinhole", rms_px: float = LARGEST_RMS_PX
 ) -> Calibration:
-    """Return the calibration by the boards seen; an image far worse than the others is left out, with its reason.
+    """Return the lens of a camera by the boards seen.
 
-    Raises CalibrationError with value, limit and remedy: too few images, too little of the image covered, boards that are
-    all nearly parallel (the focal length's standard deviation shows), a large error, or a distortion that folds.
+    An image far worse than the others is left out, with its reason.
+
+    Parameters
+    ----------
+    views : Views
+        As `find_boards` returns them.
+    board : Board
+        The board that they show.
+    model : str
+        "pinhole" (five coefficients of distortion) or "fisheye" (four).
+    rms_px : float
+        Largest accepted error of the corners [px].
+
+    Returns
+    -------
+    Calibration
+        Intrinsics with standard deviations, errors by image and the share of the image covered.
+
+    Raises
+    ------
+    CalibrationError
+        For too few images, too little of the image covered, boards that are nearly parallel, a large error, or a
+        distortion that folds. The message gives value, limit and remedy.
     """
     _enough(views)
-    found = _fitted(views, board, model)
-    limit = max(OUTLIER * float(np.median(found.view_rms_px)), LEAST_OUTLIER_PX)
-    worse = {v.name: e for v, e in zip(views.seen, found.view_rms_px) if e > limit}
+    calibration = _fitted(views, board, model)
+    limit = max(OUTLIER * float(np.median(calibration.view_rms_px)), LEAST_OUTLIER_PX)
+    worse = {v.name: e for v, e in zip(views.seen, calibration.view_rms_px) if e > limit}
     if worse:
         reasons = {
             name: f"error {e:.2f} px, limit {limit:.2f} px ({OUTLIER:g} x the median)"
@@ -90,9 +112,9 @@ def calibrate(
         kept = [v for v in views.seen if v.name not in worse]
         views = replace(views, seen=kept, left_out=views.left_out | reasons)
         _enough(views)
-        found = _fitted(views, board, model)
-    _check(found, rms_px)
-    return found
+        calibration = _fitted(views, board, model)
+    _check(calibration, rms_px)
+    return calibration
 
 
 def _enough(views: Views) -> None:
@@ -110,22 +132,22 @@ def _enough(views: Views) -> None:
         )
 
 
-def _check(found: Calibration, rms_px: float) -> None:
-    if found.rms_px > rms_px:
-        worst = int(found.view_rms_px.argmax())
+def _check(lens: Calibration, rms_px: float) -> None:
+    if lens.rms_px > rms_px:
+        worst = int(lens.view_rms_px.argmax())
         raise CalibrationError(
-            f"reprojection error {found.rms_px:.2f} px rms, limit {rms_px:g} px (worst {found.views.seen[worst].name}: "
-            f"{found.view_rms_px[worst]:.2f} px); check --board, flatness and motion blur, or try the other --model"
+            f"reprojection error {lens.rms_px:.2f} px rms, limit {rms_px:g} px (worst {lens.views.seen[worst].name}: "
+            f"{lens.view_rms_px[worst]:.2f} px); check --board, flatness and motion blur, or try the other --model"
         )
-    tilts = found.tilts_deg()
-    sd = found.intrinsics_sd[:2] / np.diag(found.K)[:2]
+    tilts = lens.tilts_deg()
+    sd = lens.intrinsics_sd[:2] / np.diag(lens.K)[:2]
     if not np.all(sd <= LARGEST_FOCAL_SD):
         raise CalibrationError(
-            f"the focal length is {found.K[0, 0]:.4g} px with a standard deviation of {max(sd):.1%}, limit "
+            f"the focal length is {lens.K[0, 0]:.4g} px with a standard deviation of {max(sd):.1%}, limit "
             f"{LARGEST_FOCAL_SD:.0%}: the boards are too nearly parallel (within {tilts.max():.1f} degrees of their mean); "
             "tilt the board by 20 to 40 degrees in all directions"
         )
-    width, height = found.views.size
+    width, height = lens.views.size
     (left, right), (top, bottom) = (
         (-0.5, width - 0.5),
         (-0.5, height - 0.5),
@@ -133,7 +155,7 @@ def _check(found: Calibration, rms_px: float) -> None:
     u, v = np.linspace(left, right, 21), np.linspace(top, bottom, 21)
     border = [(a, b) for a in u for b in (top, bottom)] + [(a, b) for a in (left, right) for b in v]
     try:
-        unproject(found.camera, border, 1.0)
+        unproject(lens.camera, border, 1.0)
     except CameraError as error:
         raise CalibrationError(f"the distortion found does not hold for the whole image: {error}") from None
 
@@ -168,9 +190,9 @@ def _fitted(views: Views, board: Board, model: str) -> Calibration:
     poses = [(np.asarray(r).reshape(3), np.asarray(t).reshape(3)) for r, t in zip(turns, shifts)]
     seen = views.seen
     errors = [v.pixels - _projected(model, v.board, *pose, K, k) for v, pose in zip(seen, poses)]
-    each = np.array([np.sqrt((e**2).sum(axis=1).mean()) for e in errors])
+    view_rms = np.array([np.sqrt((e**2).sum(axis=1).mean()) for e in errors])
     sd = intrinsics_sd(model, seen, poses, K, k, errors)
-    return Calibration(board, views, model, K, k, sd, poses, float(rms), each, coverage(views))
+    return Calibration(board, views, model, K, k, sd, poses, float(rms), view_rms, coverage(views))
 
 
 def intrinsics_sd(
@@ -224,8 +246,8 @@ def _projected(model: str, board: np.ndarray, turn, shift, K: np.ndarray, k: np.
     return cv2.fisheye.projectPoints(points, turn, shift, K, k)[0].reshape(-1, 2)
 
 
-def without_distortion(found: Calibration, image: np.ndarray) -> np.ndarray:
+def without_distortion(calibration: Calibration, image: np.ndarray) -> np.ndarray:
     """Return an image (H, W) as a pinhole of the same focal lengths and principal point would show it."""
-    straight = found.camera.model_copy(update={"distortion": None})
-    u, v = np.moveaxis(places_in(found.camera, straight, 1.0).astype(np.float32), -1, 0)
+    straight = calibration.camera.model_copy(update={"distortion": None})
+    u, v = np.moveaxis(places_in(calibration.camera, straight, 1.0).astype(np.float32), -1, 0)
     return cv2.remap(image, np.ascontiguousarray(u), np.ascontiguousarray(v), cv2.INTER_LINEAR)

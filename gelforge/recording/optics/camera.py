@@ -14,9 +14,19 @@ __all__ = ["CameraError", "image_axes", "mm_per_px_at", "project", "px_per_mm", 
 
 
 def image_axes(camera: Camera) -> np.ndarray:
-    """Return the directions (3, 3) of u, v and the view in the sensor frame, one per row.
+    """Return the directions of u, v and the view in the sensor frame.
 
     Looking up with the sensor's y upwards in the image, x runs to the left; a mirrored image runs with x.
+
+    Parameters
+    ----------
+    camera : Camera
+        `rotation_deg` turns about the sensor's fixed x, y and z, in this order.
+
+    Returns
+    -------
+    numpy.ndarray
+        (3, 3), one unit vector per row.
     """
     upright = np.diag([1.0 if camera.mirrored else -1.0, -1.0, 1.0])
     # extrinsic turns about the sensor's fixed x, y, z axes, in this order
@@ -25,11 +35,30 @@ def image_axes(camera: Camera) -> np.ndarray:
 
 
 def project(camera: Camera, points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels (..., 2), as (u right, v down), of points (..., 3) [mm] and their distances (...) [mm].
+    """Return the pixels at which points appear, and their distances.
 
-    u = centre_u + f_u x, v = centre_v + f_v y, where (x, y) = (X, Y) / Z as the lens distorts it and X, Y, Z run along
-    `image_axes` from the pinhole, of the ray that the port bends towards it; the distance is the point's own Z. A flat
-    scale has u = centre_u + X / mm_per_px. Raises CameraError for points behind a pinhole.
+    u = centre_u + f_u x, v = centre_v + f_v y, where (x, y) = (X, Y) / Z as the lens distorts it. X, Y, Z run along
+    `image_axes` from the pinhole, of the ray that the port bends towards it. A flat scale has u = centre_u + X /
+    mm_per_px.
+
+    Parameters
+    ----------
+    camera : Camera
+        With its pose in the sensor frame.
+    points : array_like
+        (..., 3) [mm] in the sensor frame.
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 2) [px] as u to the right, v down; (0, 0) is the middle of the top left pixel.
+    numpy.ndarray
+        (...) [mm] distance Z of each point along the view.
+
+    Raises
+    ------
+    CameraError
+        For points behind a pinhole.
     """
     offset = np.asarray(points, dtype=float) - camera.position_mm
     axes = image_axes(camera)
@@ -51,9 +80,26 @@ def project(camera: Camera, points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
 
 def unproject(camera: Camera, pixels: ArrayLike, z_mm: float) -> np.ndarray:
-    """Return the points (..., 3) [mm] of the plane z = z_mm that appear at pixels (..., 2).
+    """Return the points of a horizontal plane that appear at pixels.
 
-    Raises CameraError for a pixel at which the lens shows no ray, or whose ray does not rise to the plane.
+    Parameters
+    ----------
+    camera : Camera
+        With its pose in the sensor frame.
+    pixels : array_like
+        (..., 2) [px] as u to the right, v down.
+    z_mm : float
+        Height of the plane in the sensor frame; 0 is the top surface, negative is below.
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 3) [mm] in the sensor frame.
+
+    Raises
+    ------
+    CameraError
+        For a pixel at which the lens shows no ray, or whose ray does not rise to the plane.
     """
     axes = image_axes(camera)
     offset = np.asarray(pixels, dtype=float) - camera.centre_px
@@ -97,9 +143,26 @@ def _towards(camera: Camera, offset: np.ndarray) -> np.ndarray:
 
 
 def px_per_mm(camera: Camera, points: ArrayLike) -> np.ndarray:
-    """Return the scale of the image (...) [px/mm] at points (..., 3) [mm], for lengths across the view.
+    """Return the scale of the image at points, for lengths across the view.
 
-    The root of the ratio of areas, by central differences of 0.01 mm along the image's axes.
+    It is the root of the ratio of areas, by central differences of 0.01 mm along the image's axes.
+
+    Parameters
+    ----------
+    camera : Camera
+        With its pose in the sensor frame.
+    points : array_like
+        (..., 3) [mm] in the sensor frame.
+
+    Returns
+    -------
+    numpy.ndarray
+        (...) [px/mm].
+
+    Raises
+    ------
+    CameraError
+        For points behind a pinhole.
     """
     points, h = np.asarray(points, dtype=float), 0.01
     along = [
@@ -110,9 +173,26 @@ def px_per_mm(camera: Camera, points: ArrayLike) -> np.ndarray:
 
 
 def mm_per_px_at(camera: Camera, z_mm: float) -> float:
-    """Return the length [mm] on the plane z = z_mm of the sensor frame that a pixel in the image's middle covers.
+    """Return the length that a pixel in the image's middle covers on a horizontal plane.
 
-    The root of the ratio of areas: one number for u and v.
+    It is the root of the ratio of areas: one number for u and v.
+
+    Parameters
+    ----------
+    camera : Camera
+        With its pose in the sensor frame.
+    z_mm : float
+        Height of the plane in the sensor frame.
+
+    Returns
+    -------
+    float
+        [mm].
+
+    Raises
+    ------
+    CameraError
+        Where the middle of the image does not show the plane.
     """
     middle = np.array([(camera.width_px - 1) / 2, (camera.height_px - 1) / 2])
     corners = unproject(camera, middle + [[-1, 0], [1, 0], [0, -1], [0, 1]], z_mm)[:, :2]

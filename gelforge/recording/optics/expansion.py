@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
+# Centres of drawn presses: `python benchmarks/cameras.py`:
 # of the profiles over the radius; how far they reach, as a share of the image's smaller side
 KNOTS, REACH = 7, 0.5
 LEAST_PX = 0.3  # the largest flow of a block that says where it is
@@ -32,8 +33,8 @@ def centre_of_expansion(flow: np.ndarray, vanishing_px: np.ndarray | None) -> np
 
     def left(c: np.ndarray) -> np.ndarray:
         design = _design(points, c, vanishing_px, reach)
-        found = np.linalg.lstsq(design, mean.ravel(), rcond=1e-8)[0]
-        return design @ found - mean.ravel()
+        solution = np.linalg.lstsq(design, mean.ravel(), rcond=1e-8)[0]
+        return design @ solution - mean.ravel()
 
     return least_squares(left, start, diff_step=1e-4, x_scale=reach, max_nfev=30).x
 
@@ -42,10 +43,10 @@ def _blocks(flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the middles (B, 2) [px] and the mean flow (B, 2) of square blocks; a rest at the border is left out."""
     side = max(1, max(flow.shape[:2]) // BLOCKS)
     rows, columns = flow.shape[0] // side, flow.shape[1] // side
-    whole = flow[: rows * side, : columns * side].reshape(rows, side, columns, side, 2)
+    trimmed = flow[: rows * side, : columns * side].reshape(rows, side, columns, side, 2)
     u, v = np.meshgrid(np.arange(columns), np.arange(rows))
     middles = (np.stack([u, v], -1).reshape(-1, 2) + 0.5) * side - 0.5
-    return middles, whole.mean(axis=(1, 3)).reshape(-1, 2).astype(float)
+    return middles, trimmed.mean(axis=(1, 3)).reshape(-1, 2).astype(float)
 
 
 def _design(points: np.ndarray, c: np.ndarray, e: np.ndarray | None, reach: float) -> np.ndarray:

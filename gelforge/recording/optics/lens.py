@@ -21,7 +21,7 @@ import numpy as np
 
 from gelforge.config import Distortion
 
-STEPS = 50  # of Newton's method; five suffice for a lens in use
+STEPS = 50  # of Newton's method; 5 suffice for a lens in use
 CLOSE = 1e-13  # of a normalised coordinate: 1e-10 px at a focal length of 1000 px
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from gelforge.config import Port
 
-STEPS = 60  # of Newton's method; from below it rises to the root, in six steps at usual slopes
+STEPS = 60  # of Newton's method; from below it rises to the root, in 6 steps at usual slopes
 
 
 def sideways(port: Port, slope: np.ndarray, from_z_mm: float, to_z_mm: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from gelforge.config import Camera, Session, given
 from gelforge.recording.imaging.flow import ImageError, crop, read_grey, reduced
 from gelforge.recording.optics.camera import CameraError, project, unproject
 
+# Errors of remapped images: `python benchmarks/cameras.py`:
 # share of the view that the camera must see; what it does not is made of the border's pixels
 LEAST_SEEN = 0.9
 SAME_PX = 0.02  # images closer than this are used as they are: half of what the flow errs by
@@ -76,9 +77,24 @@ class Remapper:
 
 
 def picture_of(session: Session, scale: float = 1.0) -> Picture:
-    """Return what makes of a session's image as recorded the one whose flow is searched.
+    """Return the function that makes of a session's image as recorded the one whose flow is searched.
 
-    Remapped, cropped, or as it is; reduced where features.image_scale is below 1.
+    Parameters
+    ----------
+    session : Session
+        It says whether images are remapped, cropped or taken as they are.
+    scale : float
+        `features.image_scale`: images are reduced to this share of their size.
+
+    Returns
+    -------
+    callable
+        (H, W) uint8 to (h, w) uint8.
+
+    Raises
+    ------
+    ConfigError
+        For a session that is remapped and describes no camera.
     """
     if session.remap:
         return Remapper(
@@ -129,10 +145,30 @@ def remap_to(
     crop_px: list[int] | None,
     scale: float = 1.0,
 ) -> Remapper | None:
-    """Return what makes a camera's images those that a model learnt from (views as `view_of`, by session); None: they are.
+    """Return what makes a camera's images those that a model learnt from.
 
-    scale: what is remapped is reduced to this share of its size, too. Raises ImageError where the camera is not known and
-    must be, or differs from the model's with no way to remap.
+    Parameters
+    ----------
+    views : mapping of str to dict
+        By session, as `view_of` returns them: what the model learnt from.
+    camera : Camera or None
+        The camera that takes the images; None where it is not known.
+    plane_z_mm : float or None
+        Height of the plane [mm, sensor frame] that both views show at one scale.
+    crop_px : list of int or None
+        Left, top, width and height [px] that images are cropped to.
+    scale : float
+        What is remapped is reduced to this share of its size too.
+
+    Returns
+    -------
+    Remapper or None
+        None where images are as the model's.
+
+    Raises
+    ------
+    ImageError
+        Where the camera must be known and is not, or differs from the model's with no way to remap.
     """
     remapped = {name: view for name, view in views.items() if view.get("plane_z_mm") is not None}
     if camera is None:
@@ -179,6 +215,6 @@ def remap_to(
 
 def differences(camera: Camera, view: Camera) -> str:
     """Return what differs between two cameras, a few words per key."""
-    found, known = camera.model_dump(), view.model_dump()
-    keys = [key for key in {**known, **found} if found.get(key) != known.get(key)]
-    return ", ".join(f"{key} {found.get(key)} instead of {known.get(key)}" for key in keys)
+    described, known = camera.model_dump(), view.model_dump()
+    keys = [key for key in {**known, **described} if described.get(key) != known.get(key)]
+    return ", ".join(f"{key} {described.get(key)} instead of {known.get(key)}" for key in keys)

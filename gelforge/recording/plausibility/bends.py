@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+# Lags of SYNTHETIC logs are found within 5 ms (tests/importing/test_clocks.py):
 BEND_S, BEND_STEP_S = 0.08, 0.002  # around a coarse lag, in which a bend is looked for
 LEAST_SAMPLES = 4  # on each side
 RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
@@ -17,8 +18,8 @@ def bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, fl
     if min((time < 0).sum(), (time > 0).sum()) < LEAST_SAMPLES:
         return None
     count = len(time) // MOST_SAMPLES + 1
-    whole = len(time) // count * count
-    time, value = (samples[:whole].reshape(-1, count).mean(axis=1) for samples in (time, value))
+    full = len(time) // count * count
+    time, value = (samples[:full].reshape(-1, count).mean(axis=1) for samples in (time, value))
     return bend_time(time, value, side, lag)
 
 

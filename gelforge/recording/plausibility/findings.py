@@ -27,7 +27,7 @@ COLUMNS = [
     "remedy",
 ]
 MOST = 0.5  # of a session's indentations without one channel: what is left says little about the session
-NAMED = 3  # indentations that one line names; the table holds all
+NAMED = 3  # indentations that one line names; the table holds all (no result depends on it)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Findings:
         return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def collect(session: str, found: Iterable[Finding], confirmed: Sequence[str] = ()) -> Findings:
+def collect(session: str, findings: Iterable[Finding], confirmed: Sequence[str] = ()) -> Findings:
     """Return findings with those of confirmed tests as notes."""
     return Findings(
         session,
@@ -97,16 +97,16 @@ def collect(session: str, found: Iterable[Finding], confirmed: Sequence[str] = (
             replace(f, level="note", found=f"{f.found} (confirmed in session.yaml)", rows=())
             if f.test in confirmed and f.level != "note"
             else f
-            for f in found
+            for f in findings
         ),
     )
 
 
-def mostly(found: list[Finding], indentations: int) -> list[Finding]:
+def mostly(findings: list[Finding], indentations: int) -> list[Finding]:
     """Return exclusions as they are, or as errors where they are more than MOST of a session's indentations."""
-    if len(found) <= MOST * indentations:
-        return found
-    return [replace(finding, level="error", rows=()) for finding in found]
+    if len(findings) <= MOST * indentations:
+        return findings
+    return [replace(finding, level="error", rows=()) for finding in findings]
 
 
 def write_findings(path: str | Path, findings: Findings) -> None:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
 AXES = np.array(["fx", "fy", "fz"])
+
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 # Floors: resolution, repeatability and scatter of one reading together (`floor_N`).
 TARED_FLOORS = 5.0  # a mean of zero rows this far from zero is no noise
 TARED_SHARE = 0.01  # of the session's largest force: less does not decide how large a force is
@@ -85,26 +88,26 @@ def steps_before_touch(data: SessionData) -> list[Finding]:
     largest = largest.fillna(0.0).to_numpy()[:, None]
     floors = isolated_floors(spread.to_numpy() / data.floor_N)
     limit = np.maximum(floors * data.floor_N, STEP_SHARE * largest)
-    found = []
+    findings = []
     for k in np.flatnonzero((spread.to_numpy() > limit).any(axis=1)):
         press, axis = str(spread.index[k]), int((spread.to_numpy()[k] / limit[k]).argmax())
-        own = readings.index[readings["press"] == press]
-        found.append(
+        at = readings.index[readings["press"] == press]
+        findings.append(
             Finding(
                 test="force_before_touch",
                 level="excluded",
                 channel="force",
                 press=press,
-                time_s=float(readings.at[own[0], "time_s"]),
+                time_s=float(readings.at[at[0], "time_s"]),
                 value=float(spread.iloc[k, axis]),
                 limit=float(limit[k, axis]),
                 unit="N",
                 found=f"changes by {spread.iloc[k, axis]:.3g} N ({AXES[axis]}) before contact",
                 remedy="record zero rows clear of the surface and at rest",
-                rows=tuple(own),
+                rows=tuple(at),
             )
         )
-    return mostly(found, len(data.indentations))
+    return mostly(findings, len(data.indentations))
 
 
 def force_repeats(data: SessionData) -> list[Finding]:
@@ -120,13 +123,13 @@ def force_repeats(data: SessionData) -> list[Finding]:
             since[row] = min(since.get(row, run.rows[0]), run.rows[0])
     readings = data.readings
     stuck = readings.loc[sorted(channels)]
-    found = []
+    findings = []
     for press, rows in stuck.groupby("press", sort=False):
-        own = readings[readings["press"] == press]
+        of_press = readings[readings["press"] == press]
         zero_gone = not data.session.force.tared and (rows["phase"] == "zero").any()
         first = rows.index[0]
         names = ", ".join(dict.fromkeys(channels[first]))
-        found.append(
+        findings.append(
             Finding(
                 test="force_repeats",
                 level="excluded",
@@ -138,10 +141,10 @@ def force_repeats(data: SessionData) -> list[Finding]:
                 found=f"repeats one value to the last digit from indentation {readings.at[since[first], 'press']} on"
                 f" ({names})",
                 remedy="check the sensor's supply and plug, and record these indentations again",
-                rows=tuple(own.index if zero_gone else rows.index),
+                rows=tuple(of_press.index if zero_gone else rows.index),
             )
         )
-    return mostly(found, len(data.indentations))
+    return mostly(findings, len(data.indentations))
 
 
 def force_answers(data: SessionData) -> list[Finding]:
@@ -167,7 +170,7 @@ def force_answers(data: SessionData) -> list[Finding]:
     proved = every["depth_mm"].to_numpy() >= shallowest + off
     never = np.isnan(shallowest) & (every["depth_mm"].to_numpy() >= 0.5 * every["depth_mm"].max())
     wrong = silent & (proved | never) & (least > SILENT_FLOORS * floor)
-    found = [
+    findings = [
         Finding(
             test="force_answers",
             level="excluded",
@@ -183,7 +186,7 @@ def force_answers(data: SessionData) -> list[Finding]:
         )
         for (press, row), limit in zip(every[wrong].iterrows(), least[wrong])
     ]
-    return mostly(found, len(data.indentations))
+    return mostly(findings, len(data.indentations))
 
 
 def _no_answer_at_all(every: pd.DataFrame) -> Finding | None:
@@ -212,7 +215,7 @@ def _no_answer_at_all(every: pd.DataFrame) -> Finding | None:
 
 
 def force_grows(data: SessionData) -> list[Finding]:
-    """Return the indentations whose force is too small beside that of a much shallower one at the same site, both loading.
+    """Return the indentations whose force is too small against that of a much shallower one at the same site, both loading.
 
     Forces are those of the first reading at depth, of two dwell or two load rows: relaxation is no fall. Of two that
     contradict each other the one farther from the session's force over depth is blamed.
@@ -223,28 +226,28 @@ def force_grows(data: SessionData) -> list[Finding]:
         return []
     known = data.indentations[~data.indentations["row"].isin(data.repeated_rows)]
     off = max(OFF_MM, 3 * data.session.depth_zero.both_scatter_mm)
-    found = []
+    findings = []
     for _, site in known.groupby(["site", "phase"], sort=False):
-        found += _fallen(data, site, usual, off, GROWING_FLOORS * floor)
-    return mostly(found, len(data.indentations))
+        findings += _fallen(data, site, usual, off, GROWING_FLOORS * floor)
+    return mostly(findings, len(data.indentations))
 
 
 def _fallen(data: SessionData, site: pd.DataFrame, usual, off: float, least: float) -> list[Finding]:
     """Return the findings of one site, blaming one indentation after the other until no two contradict each other."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     while len(site) > 1:
         depth, push = site["depth_mm"].to_numpy(), site["first_N"].to_numpy()
         deeper = (depth[:, None] >= DEEPER * depth) & (depth[:, None] - off > depth + off)
         least_push = FALLS_TO * push * depth[:, None] / depth
         fallen = deeper & (push[:, None] < least_push) & (push > least)  # (deep, shallow)
         if not fallen.any():
-            return found
+            return findings
         ratio = np.log(np.maximum(push, least / GROWING_FLOORS) / usual.at(depth))
         doubt = np.abs(ratio - np.median(ratio)) * (fallen.any(axis=0) | fallen.any(axis=1))
         k = int(doubt.argmax())
         against = int(np.flatnonzero(fallen[k] | fallen[:, k])[0])
         press = site.index[k]
-        found.append(
+        findings.append(
             Finding(
                 test="force_grows",
                 level="excluded",
@@ -263,4 +266,4 @@ def _fallen(data: SessionData, site: pd.DataFrame, usual, off: float, least: flo
             )
         )
         site = site.drop(index=press)
-    return found
+    return findings

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+# Of 14 kinds of honest SYNTHETIC images each passes, and each fault is found (tests/recording/test_image_plausibility.py):
 MOST_STEPS = 3  # images that a buffer holds back
 LEAST_IMAGES = 8  # for a correlation to say something
 FITS, BETTER = 0.8, 0.3  # correlation of flow and depth at a shift, and by how much it beats that as recorded
@@ -26,7 +27,7 @@ def lag(table: pd.DataFrame, depth: pd.Series) -> str:
         if not varied or by_shift[0] >= LEAST_FIT:
             return ""
         return f"the images belong to other rows, as flow and depth correlate by {by_shift[0]:.2f}"
-    # with one depth the image before and the one after fit alike
+    # with one depth the image before and the one after fit equally well
     also = by_shift[-best] > by_shift[best] - 0.05
     times = table.groupby("run")["time_s"].diff(abs(best)).dropna()
     count = f"{abs(best)} image{'s' if abs(best) > 1 else ''} (about {times.median():.3g} s)"

@@ -15,6 +15,7 @@ from gelforge.recording.plausibility.findings import Finding, Level, mostly
 from gelforge.recording.plausibility.image_series import LEAST_LIGHT, LEAST_TEXTURE, ImageSeries
 from gelforge.recording.plausibility.image_steps import lag
 
+# Of 14 kinds of honest SYNTHETIC images each passes, and each fault is found (tests/recording/test_image_plausibility.py):
 DARK, BRIGHT = 10.0, 245.0  # mean grey levels that are called black and white
 EXPOSURE_STEP = 0.15  # lamps warm by less from one image to the next, and pressing shades less
 LIGHT_IMAGES = 11  # in the running median of the light where an indentation has no image before contact
@@ -50,9 +51,8 @@ def image_content(series: ImageSeries) -> list[Finding]:
         limit = float(LEAST_LEVELS)
         return [Finding("image_content", "error", "image", text, remedy, value=series.levels, limit=limit)]
     table = series.table[series.blank]
-    found = [
+    findings = [
         _one(
-            series,
             row,
             "image_content",
             f"{row.image} is {_look(row.grey)}: {100 * row.gain:.0f} % of the reference frame's brightness and"
@@ -62,7 +62,7 @@ def image_content(series: ImageSeries) -> list[Finding]:
         )
         for row in table.itertuples()
     ]
-    return mostly(found, len(series.table))
+    return mostly(findings, len(series.table))
 
 
 def _look(grey: float) -> str:
@@ -80,9 +80,8 @@ def image_exposure(series: ImageSeries) -> list[Finding]:
     usual = table["press"].map(zero).astype(float).fillna(around)
     step = (table["gain"] / usual - 1).abs()
     held = table["phase"] != "zero"
-    found = [
+    findings = [
         _one(
-            series,
             row,
             "image_exposure",
             f"{row.image} has {100 * row.gain / usual[row.Index]:.0f} % of the brightness before contact: exposure or gain"
@@ -93,7 +92,7 @@ def image_exposure(series: ImageSeries) -> list[Finding]:
         )
         for row in table[held & (step > EXPOSURE_STEP)].itertuples()
     ]
-    return mostly(found, int(held.sum()))
+    return mostly(findings, int(held.sum()))
 
 
 def image_bands(series: ImageSeries) -> list[Finding]:
@@ -102,9 +101,8 @@ def image_bands(series: ImageSeries) -> list[Finding]:
     untouched = table[table["phase"] == "zero"]
     if "bands" not in table or untouched.empty or (untouched["bands"] > BANDS).mean() < BANDED_SHARE:
         return []
-    found = [
+    findings = [
         _one(
-            series,
             row,
             "image_bands",
             f"{row.image} has bands of +-{100 * row.bands:.0f} % brightness against the reference frame: light that flickers"
@@ -116,7 +114,7 @@ def image_bands(series: ImageSeries) -> list[Finding]:
         )
         for row in table[table["bands"] > BANDS].itertuples()
     ]
-    return mostly(found, len(table))
+    return mostly(findings, len(table))
 
 
 def image_repeats(series: ImageSeries) -> list[Finding]:
@@ -126,16 +124,15 @@ def image_repeats(series: ImageSeries) -> list[Finding]:
     of one place, or at depths so close that no grey level changes.
     """
     seen: dict[str, tuple[float, float, float]] = {series.reference: (np.nan, np.nan, 0.0)}
-    found = []
+    findings = []
     for row, depth in zip(series.shown.itertuples(), series.depth):
         x, y, earlier = seen.setdefault(row.pixels, (row.x_mm, row.y_mm, depth))
         same_place = (x, y) == (row.x_mm, row.y_mm) or min(depth, earlier) <= 0
         moved_mm = abs(depth - earlier) if same_place else max(depth, earlier)
         moved_px = moved_mm * series.px_per_mm
         if moved_px > REPEAT_PX:
-            found.append(
+            findings.append(
                 _one(
-                    series,
                     row,
                     "image_repeats",
                     f"{row.image} equals an earlier one in every pixel, though depth went from {earlier:g} to {depth:g} mm",
@@ -145,7 +142,7 @@ def image_repeats(series: ImageSeries) -> list[Finding]:
                     "px",
                 )
             )
-    return mostly(found, len(series.table))
+    return mostly(findings, len(series.table))
 
 
 def image_in_step(series: ImageSeries) -> list[Finding]:
@@ -194,9 +191,8 @@ def image_before_touch(series: ImageSeries) -> list[Finding]:
     before, spread = series.floor_px
     limit = max(before + SPREADS * spread, ONE_BEFORE_SHARE * series.answer_px)
     table = series.before[series.before["flow_px"] > limit]
-    found = [
+    findings = [
         _one(
-            series,
             row,
             "image_before_touch",
             f"{row.image} before contact moves by {row.flow_px:.2g} px",
@@ -207,7 +203,7 @@ def image_before_touch(series: ImageSeries) -> list[Finding]:
         )
         for row in table.itertuples()
     ]
-    return mostly(found, len(series.before))
+    return mostly(findings, len(series.before))
 
 
 def image_alike(series: ImageSeries) -> list[Finding]:
@@ -217,9 +213,8 @@ def image_alike(series: ImageSeries) -> list[Finding]:
     depth = held["depth_mm"].round(2)
     usual = held.groupby([held["press"], depth])["flow_px"].transform("median")
     few, many = usual / ALIKE - SPREADS * spread, usual * ALIKE + SPREADS * spread
-    found = [
+    findings = [
         _one(
-            series,
             row,
             "image_alike",
             f"{row.image} moves by {row.flow_px:.2g} px, the median of this indentation's by {usual[row.Index]:.2g} px",
@@ -230,7 +225,7 @@ def image_alike(series: ImageSeries) -> list[Finding]:
         )
         for row in held[(held["flow_px"] < few) | (held["flow_px"] > many)].itertuples()
     ]
-    return mostly(found, len(held))
+    return mostly(findings, len(held))
 
 
 def image_grows(series: ImageSeries) -> list[Finding]:
@@ -240,7 +235,7 @@ def image_grows(series: ImageSeries) -> list[Finding]:
     """
     before, spread = series.floor_px
     held = series.shown.assign(depth_mm=series.depth)[series.depth > 0]
-    found, compared = [], 0
+    findings, compared = [], 0
     for _, place in held.groupby([held["x_mm"].round(2), held["y_mm"].round(2)], sort=False):
         presses = place.groupby("press", sort=False).agg(
             depth=("depth_mm", "max"), flow=("flow_px", "median")
@@ -260,17 +255,17 @@ def image_grows(series: ImageSeries) -> list[Finding]:
                 "the images belong to another row, or the flow lost the surface: record the indentation anew"
             )
             first = rows.iloc[0]
-            found.append(
+            findings.append(
                 Finding(
                     "image_grows", "excluded", "image", text, remedy, press, float(first["time_s"]), flow, limit, "px",
                     tuple(rows.index),
                 )
             )  # fmt: skip
-    return mostly(found, compared)
+    return mostly(findings, compared)
 
 
 def flow_lost_of(table: pd.DataFrame) -> list[Finding]:
-    """Return the indentations whose displacements the flow could not follow; their rows stay, `flow_lost` beside them."""
+    """Return the indentations whose displacements the flow could not follow; their rows stay, `flow_lost` next to them."""
     remedy = "these features are no displacements: press less deep, or record finer texture, more pixels or more light"
     lost = table[table["flow_lost"] > MOST_LOST].drop_duplicates("press")
     return [
@@ -289,7 +284,7 @@ def flow_lost_of(table: pd.DataFrame) -> list[Finding]:
     ]
 
 
-def _one(series, row, test, found, remedy, value, limit, unit="") -> Finding:
+def _one(row, test, found, remedy, value, limit, unit="") -> Finding:
     """Return the exclusion of one image."""
     return Finding(
         test, "excluded", "image", found, remedy, str(row.press), float(row.time_s), float(value), float(limit), unit,

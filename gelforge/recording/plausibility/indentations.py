@@ -12,6 +12,8 @@ from gelforge.indentation.paths.places import DEPTH_MATCH_MM, POSITION_MATCH_MM,
 from gelforge.recording.plausibility.streams import FORCE
 from gelforge.robust import SIGMA_OF_MEDIAN
 
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 # of force over depth: a flat punch has 1, a ball on a thick gel 1.5, on a thin one 2 and more
 EXPONENTS = 0.8, 2.5
 STEP_FLOORS, LEAST_FLOORS, ISOLATED = 15.0, 8.0, 3.0  # see isolated_floors

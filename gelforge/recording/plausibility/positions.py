@@ -1,4 +1,4 @@
-"""Tests of frames and counts: mirrored axes, and indentations recorded beside those planned."""
+"""Tests of frames and counts: mirrored axes, and indentations recorded against those planned."""
 
 from __future__ import annotations
 

@@ -12,6 +12,9 @@ from gelforge.config import ForceSensor
 from gelforge.recording.plausibility.indentations import force_over_depth, scatter_N
 
 RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
+
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 SHORTEST = 3  # rows of a run whose force should change
 SHORTEST_OF_NOISE = 8  # rows of a run that is too even for the channel's own noise
 CHANCE = 1e-6  # of such a run in the whole session, by the channel's own share of equal neighbours
@@ -48,7 +51,7 @@ def repeats(readings: pd.DataFrame, indentations: pd.DataFrame, force: ForceSens
     expected = np.zeros(len(depth)) if usual is None else EXPECTED * usual.at(depth)
     hidden = resolution[normal] + scatter_N(readings, RAW)[normal]
     number = (readings["press"] != readings["press"].shift()).cumsum().to_numpy()
-    found = []
+    runs = []
     for axis, name in enumerate(RAW):
         value = readings[name].to_numpy()
         starts = np.flatnonzero(np.concatenate([[True], np.diff(value) != 0]))
@@ -62,8 +65,8 @@ def repeats(readings: pd.DataFrame, indentations: pd.DataFrame, force: ForceSens
             steps = STEPS if number[end - 1] - number[start] + 1 < IN_TURN else STEPS_IN_TURN
             dead = axis == normal and np.ptp(expected[start:end]) > steps * hidden
             if dead or too_even(start, end):
-                found.append(Run(axis, float(value[start]), tuple(readings.index[start:end])))
-    return found
+                runs.append(Run(axis, float(value[start]), tuple(readings.index[start:end])))
+    return runs
 
 
 def _without_chance(number: np.ndarray, depth: np.ndarray, start: int, end: int) -> tuple[int, int]:

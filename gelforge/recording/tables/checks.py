@@ -13,6 +13,8 @@ from gelforge.indentation.sensor.stage_frame import first_outside
 
 # An indentation runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}
+
+# Wrong units, clocks and orders are refused, right neighbours read in `python -m benchmarks.faults inputs`:
 DEPTH_MM = (0.02, 30.0)  # deepest indentation of a session: below it is metres, above it micrometres
 FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
 # Between time_s and dwell_s: a dwell rounded to seconds stays within, milliseconds do not
@@ -48,9 +50,9 @@ def check_rows(path: Path, table: pd.DataFrame) -> None:
 
 
 def _check_order(path: Path, table: pd.DataFrame) -> None:
-    whole = table["order"] == np.round(table["order"])
-    if not whole.all():
-        line = (~whole).idxmax()
+    integer = table["order"] == np.round(table["order"])
+    if not integer.all():
+        line = (~integer).idxmax()
         raise RecordingError(
             f"{path}, row {line}: order {table.at[line, 'order']} is not a whole number; number the indentations 1, 2, 3,"
             " ..."

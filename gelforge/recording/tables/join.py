@@ -15,7 +15,19 @@ from gelforge.recording.tables.checks import RecordingError
 
 
 def press_table(readings: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per indentation: press, order, cell, x_mm, y_mm (sensor frame), depth_mm commanded, row."""
+    """Return one row per indentation of a session's readings.
+
+    Parameters
+    ----------
+    readings : pandas.DataFrame
+        Of a Recording: columns press, phase, order, cell, x_mm, y_mm and depth_mm.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns press, order, cell, x_mm and y_mm (sensor frame), depth_mm (the largest commanded) and row (line of the
+        file).
+    """
     held = readings[readings["phase"].isin(["load", "dwell"])]
     presses = held.groupby("press", sort=False).agg(
         order=("order", "first"),
@@ -136,7 +148,7 @@ def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
     upright &= ~np.array(cell.twists_deg or np.zeros(count)).astype(bool)
     phases = np.array(cell.phases or ("load",) * count)
     read = rows[["depth_mm", "x_mm", "y_mm"]].to_numpy()
-    found, first = np.full(len(rows), -1), 0
+    steps, first = np.full(len(rows), -1), 0
     for number, phase in enumerate(rows["phase"]):
         same = upright & np.isin(phases, list(PLANNED.get(phase, ())))
         same &= within(np.abs(pose[:, 0] - read[number, 0]), DEPTH_MATCH_MM)
@@ -144,8 +156,8 @@ def steps_of_path(cell: PlannedCell, rows: pd.DataFrame) -> np.ndarray:
         later = np.flatnonzero(same[first:])
         if len(later):
             first += later[0]
-            found[number] = first
-    return found
+            steps[number] = first
+    return steps
 
 
 def path_steps(readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.ndarray:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-LEAST_STEP_S = 1e-3  # time runs on between two readings that share a stamp
+# Time runs on between two readings that share a stamp: the period of 1000 readings a second.
+LEAST_STEP_S = 1e-3
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,22 @@ class PathThrough:
 
 
 def path_through(depths_mm: Sequence[float], times_s: Sequence[float], step_mm: float) -> PathThrough:
-    """Return the even way from depth 0 at time 0 through readings, in steps of at most step_mm."""
+    """Return the even way of the indenter from depth 0 at time 0 through readings.
+
+    Parameters
+    ----------
+    depths_mm : sequence of float
+        n depths.
+    times_s : sequence of float
+        n times; equal ones are put LEAST_STEP_S apart.
+    step_mm : float
+        Longest step.
+
+    Returns
+    -------
+    PathThrough
+        Depth [mm], time [s] and phase of each step, and the steps of the readings.
+    """
     steps: list[tuple[float, float, str]] = []
     readings = []
     depth, time = 0.0, 0.0

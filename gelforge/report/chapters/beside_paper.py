@@ -1,4 +1,4 @@
-"""The tables of a study with the paper's values beside them."""
+"""The tables of a study with the paper's values next to them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ AXES = ("x", "y", "z")
 
 
 def beside_paper(name: str, table: pd.DataFrame, paper: dict | None) -> pd.DataFrame:
-    """Return table `name` with the paper's values (paper_tables.json) beside the study's, where it has any."""
+    """Return table `name` with the paper's values (paper_tables.json) next to the study's, where it has any."""
     if paper is None or name not in _PAPER:
         return table
     return _PAPER[name](table.copy(), paper)

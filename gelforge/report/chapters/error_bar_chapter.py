@@ -53,11 +53,11 @@ def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
     table = []
     depth, names = depth_classes(rows["depth"])
     for mean, at in rows.groupby(depth):
-        found = {"depth [mm]": names[mean], "sites": at["cell"].nunique()}
+        row = {"depth [mm]": names[mean], "sites": at["cell"].nunique()}
         for name in SIGMAS:
             relative = 100 * at[name] / at["force"].abs()
-            found |= {f"{name}, median [%]": relative.median(), f"{name}, largest [%]": relative.max()}
-        table.append(found)
+            row |= {f"{name}, median [%]": relative.median(), f"{name}, largest [%]": relative.max()}
+        table.append(row)
     return pd.DataFrame(table)
 
 

@@ -60,8 +60,8 @@ def budget_words(table: pd.DataFrame) -> str:
     for (column, *_, text), what in zip(PANELS, ("of a pressed bin", "in total")):
         (first, most), *others = parts.loc[list(PARTS), column].sort_values(ascending=False).items()
         rest = ", ".join(f"{name} {text(value)}" for name, value in others)
-        whole = text(parts.loc[AGAINST_TRUTH, column])
-        said.append(f"{what} it is {whole}, and the largest part is {first}: {text(most)} ({rest})")
+        total = text(parts.loc[AGAINST_TRUTH, column])
+        said.append(f"{what} it is {total}, and the largest part is {first}: {text(most)} ({rest})")
         largest.append(first)
     optics = parts.loc[OPTICS]
     return " ".join(

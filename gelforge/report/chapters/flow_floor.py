@@ -1,4 +1,4 @@
-"""The flow of untouched images, which is false, beside the flow of the indentations, and where the flow lost the surface."""
+"""The flow of untouched images, which is false, the flow of the indentations, and where the flow lost the surface."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gelforge.report.figures.style import (
 )
 from gelforge.robust import SIGMA_OF_MEDIAN
 
-LEAST_PX = 1e-3  # drawn at least: images without noise have no false flow
+LEAST_PX = 1e-3  # drawn at least: images without noise have no false flow (no result depends on it)
 
 
 def flow_table(columns: dict[str, np.ndarray]) -> pd.DataFrame:
@@ -77,7 +77,7 @@ def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:
 
 @styled
 def floor_figure(tables: dict[str, pd.DataFrame]) -> Figure:
-    """Return the flow of each image over depth beside the false flow, one panel per session."""
+    """Return the flow of each image over depth next to the false flow, one panel per session."""
     shown = dict(list(tables.items())[:MOST_PANELS])
     figure, axes = new_figure(1.2 + 3.2 * len(shown), 2.9, ncols=len(shown), sharey=True)
     for ax, (name, table) in zip(axes[0], shown.items()):

@@ -116,10 +116,10 @@ def _tell_onnx(chapter: Chapter, results: StudyResults) -> None:
     """Say how far forces by ONNX Runtime are from the network's own, where the study compares them."""
     path = results.folder / "model" / "onnx_check.json"
     if path.is_file():
-        found = json.loads(path.read_text(encoding="utf-8"))
+        onnx = json.loads(path.read_text(encoding="utf-8"))
         chapter.say(
-            f"Exported to ONNX, the network gives the same forces on {count(found['images'], 'held-out image')}: bins differ"
-            f" by {millinewtons(found['largest_difference_N'])} at most, of up to {millinewtons(found['largest_N'])}."
+            f"Exported to ONNX, the network gives the same forces on {count(onnx['images'], 'held-out image')}: bins differ"
+            f" by {millinewtons(onnx['largest_difference_N'])} at most, of up to {millinewtons(onnx['largest_N'])}."
         )
 
 
@@ -168,7 +168,7 @@ WITH_TRUTH = {
 
 
 def error_tables(results: StudyResults) -> Chapter:
-    """Return the tables of the evaluation, of the article's study with its numbers beside them."""
+    """Return the tables of the evaluation, of the article's study with its numbers next to them."""
     chapter = Chapter("errors", "Error tables")
     for name, words in TABLES.items():
         table = results.table(name)

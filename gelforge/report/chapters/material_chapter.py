@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.files import read_product_table
+from gelforge.indentation.solving.stretch_range import LEAVES
 from gelforge.materials.fitting.law_file import MaterialLaw
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES
 from gelforge.report.chapters.beside_paper import beside_paper, said_beside
@@ -15,7 +16,6 @@ from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
 from gelforge.report.figures.measurements.material_figure import material_figure
 
-LEAVES = 1  # of the attribute leaves_valid_range
 FROM, SHARE = "from depth [mm]", "share of volume"
 
 

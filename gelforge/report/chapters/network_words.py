@@ -8,7 +8,7 @@ import pandas as pd
 from gelforge.report.chapters.chapter import millinewtons, newtons
 
 CLEARLY = 0.9  # of the best baseline's error: closer is a tie
-WORSE = 1.5  # times the other classes' error, beside which a class stands out
+WORSE = 1.5  # times the other classes' error, next to which a class stands out
 # RMSES z on test rows over that on training rows. Above OVERFIT most of the squared error is of places that were not learnt.
 # Below UNDERFIT the network errs on what it has seen as on what it has not: it has not fitted it. Above it more steps may
 # still help. The U-Net on the demo's rows: 1.00 after 480 steps, 1.09 after 960, 1.19 after 2,000, 1.52 after 6,000, with
@@ -29,8 +29,10 @@ AFTER_SIMULATION = (
 def beside_baselines(baselines: pd.DataFrame) -> tuple[float, float, str] | None:
     """Return RMSES z [N] of the network, of the best baseline, and the latter's name; None where no test row is pressed."""
     error = baselines.set_index("predictor")[ERROR]
-    own, others = float(error["network"]), error.drop(["network", "zero"]).dropna()
-    return (own, float(others.min()), str(others.idxmin())) if np.isfinite(own) and len(others) else None
+    network, others = float(error["network"]), error.drop(["network", "zero"]).dropna()
+    return (
+        (network, float(others.min()), str(others.idxmin())) if np.isfinite(network) and len(others) else None
+    )
 
 
 def network_words(
@@ -48,13 +50,13 @@ def network_words(
     that errors on training rows say nothing of them. has_budget: the parts of the error are known, and the remedy follows
     from them (`budget_words`), not from here.
     """
-    found = beside_baselines(baselines)
-    if found is None:
+    standing = beside_baselines(baselines)
+    if standing is None:
         return "No test row is pressed: nothing can be said of the network."
-    own, best, _ = found
+    network, best, _ = standing
     times = over_training_rows(errors)
     early = _ended_early(np.nan if only_simulated else times, loss)
-    remedy = "" if has_budget or early else _remedy(by, times, own < CLEARLY * best)
+    remedy = "" if has_budget or early else _remedy(by, times, network < CLEARLY * best)
     parts = (_where(by), _intervals(reliability), early, AFTER_SIMULATION if only_simulated else remedy)
     return " ".join(part for part in parts if part)
 
@@ -89,11 +91,13 @@ def _last_fall(loss: pd.DataFrame) -> float:
 
 def _where(by: pd.DataFrame) -> str:
     """Return the class of places whose error stands out, and the depth of the largest error of the total."""
-    found = _outstanding(by, "place")
+    outstanding = _outstanding(by, "place")
     depth = by[by["by"] == "depth"]
     words = []
-    if found is not None:
-        words.append(f"The error of a pressed bin is largest {found['class']}: {millinewtons(found[ERROR])}.")
+    if outstanding is not None:
+        words.append(
+            f"The error of a pressed bin is largest {outstanding['class']}: {millinewtons(outstanding[ERROR])}."
+        )
     if len(depth) > 1:
         worst = depth.loc[depth["total_Fz_rms_N"].idxmax()]
         words.append(

@@ -7,7 +7,7 @@ import pandas as pd
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
 
-NAMES = 20  # of indentations in a sentence; the sessions' tables have all
+NAMES = 20  # of indentations in a sentence; the sessions' tables have all (no result depends on it)
 KIND = ["session", "level", "test", "channel", "remedy"]  # what findings of one kind share
 
 
@@ -17,30 +17,30 @@ def recordings(results: StudyResults) -> Chapter:
     if not results.study.sessions:
         chapter.say("This study has no recordings.")
         return chapter
-    found = results.findings
-    if found is None:
+    findings = results.findings
+    if findings is None:
         chapter.miss("No recordings/<session>.findings.csv: `gelforge readings` writes them.")
         return chapter
-    excluded = found[found["level"] == "excluded"]
+    excluded = findings[findings["level"] == "excluded"]
     for channel in ("force", "image"):
         presses = excluded[excluded["channel"] == channel].drop_duplicates(["session", "press"])
         names = [f"{session} {press}" for session, press in zip(presses["session"], presses["press"])]
         more = f" and {len(names) - NAMES} more" if len(names) > NAMES else ""
         many = f"{count(len(names), 'indentation')}: {', '.join(names[:NAMES])}{more}"
         chapter.say(f"Left out: {channel} of {many}." if names else f"No {channel} is left out.")
-    if len(found):
+    if len(findings):
         chapter.tabulate(
             "What the tests of the sessions found. What is `excluded` from one channel stays out of everything that follows;"
             " a `note` is information, and its readings and images are used. `recordings/<session>.findings.csv` has all"
             " findings, indentation by indentation.",
-            kinds_table(found),
+            kinds_table(findings),
         )
     return chapter
 
 
-def kinds_table(found: pd.DataFrame) -> pd.DataFrame:
+def kinds_table(findings: pd.DataFrame) -> pd.DataFrame:
     """Return a row per session, level, test and remedy: how many indentations, and what was found in the first."""
-    table = found.fillna({"remedy": ""}).groupby(KIND, sort=False)
+    table = findings.fillna({"remedy": ""}).groupby(KIND, sort=False)
     presses = lambda press: press[press != ""].nunique()  # noqa: E731
     rows = table.agg(indentations=("press", presses), found=("found", "first")).reset_index()
     shown = ["session", "level", "test", "channel", "indentations", "found", "remedy"]

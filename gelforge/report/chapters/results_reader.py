@@ -125,13 +125,13 @@ class StudyResults:
     @cached_property
     def sessions(self) -> dict[str, Session]:
         """Descriptions of the recorded sessions whose session.yaml can be read."""
-        found = {}
+        by_name = {}
         for name in self.study.sessions:
             try:
-                found[name] = load_session(self.study.session_folder(name) / "session.yaml")
+                by_name[name] = load_session(self.study.session_folder(name) / "session.yaml")
             except ConfigError:
                 continue
-        return found
+        return by_name
 
     @property
     def resolution_N(self) -> list[float]:
@@ -156,13 +156,13 @@ class StudyResults:
     @cached_property
     def features(self) -> dict[str, dict[str, np.ndarray]]:
         """Columns of features/<session>.h5 but for the features themselves, by session."""
-        found = {}
+        by_session = {}
         for name in self.study.sessions:
             path = self.folder / "features" / f"{name}.h5"
             if path.is_file():
                 with open_features(path) as file:
-                    found[name] = {key: _column(file[key]) for key in file if key != "feature"}
-        return found
+                    by_session[name] = {key: _column(file[key]) for key in file if key != "feature"}
+        return by_session
 
     @cached_property
     def findings(self) -> pd.DataFrame | None:

@@ -87,7 +87,7 @@ def _recordings(results: StudyResults) -> str:
 
 
 def force_depth(results: StudyResults) -> Chapter:
-    """Return vertical force over depth at centre and corner; of the article's study beside the article's curves."""
+    """Return vertical force over depth at centre and corner; of the article's study next to the article's curves."""
     paper = results.paper_folder
     chapter = Chapter("force-depth", "Force over depth" + (", and the article's" if paper else ""))
     published = results.published_force_depth()
@@ -154,10 +154,10 @@ def _curve(results: StudyResults, title: str, sites: list[PlannedCell]) -> Force
 
 def _variant_curves(results: StudyResults, name: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return depths [mm] and Fz [N] of a site by variant, of the variants that have solved it."""
-    found = {variant: results.variant_cell(variant, name) for variant in results.study.variants}
+    cells = {variant: results.variant_cell(variant, name) for variant in results.study.variants}
     return {
         variant: (cell.arrays["depth_mm"], cell.arrays["total_force_N"][:, 2])
-        for variant, cell in found.items()
+        for variant, cell in cells.items()
         if cell
     }
 
@@ -186,7 +186,7 @@ def inside(results: StudyResults) -> Chapter:
 
 
 def images(results: StudyResults) -> Chapter:
-    """Return one image with its flow, and the flow of all images beside that before contact."""
+    """Return one image with its flow, and the flow of all images next to that before contact."""
     chapter = _one_image(results)
     tell_flow_floor(chapter, results)
     return chapter

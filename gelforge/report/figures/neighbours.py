@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+# How much a figure shows, on which no result depends:
 CURVE_SITES = 8  # that make a curve over depth together
 MAP_SITES = 5  # whose mean stands at each place of a map
 DEPTHS = 8  # classes of depths, where few rows share one

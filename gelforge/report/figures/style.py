@@ -35,6 +35,7 @@ INK = "#222222"
 FAINT = "#B5B5B5"
 ALLOWED = "#E6E6E6"  # band of the errors that are allowed for
 
+# How much a figure shows: what stays legible on a page of some 10 inches (judgement; no result depends on it):
 # How much a figure shows: what stays legible on a page of some 10 inches (judgement; no result depends on it).
 BAND_SIGMAS = 2  # of every band, to each side: 95 % of a normal distribution
 MOST_POINTS = 6000  # of a curve or a cloud: more make the file large and show nothing more
@@ -91,10 +92,10 @@ def signed_limit(*arrays: np.ndarray, floor: float = 1e-9) -> float:
 
 
 @styled
-def svg(figure: Figure, dpi: int = 150) -> str:
-    """Return a figure as SVG text, the same bytes for the same content; dpi holds for its raster parts."""
+def svg(figure: Figure) -> str:
+    """Return a figure as SVG text, the same bytes for the same content; its raster parts have 150 dpi."""
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", dpi=dpi, metadata={"Date": None, "Creator": "gelforge"})
+    figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None, "Creator": "gelforge"})
     return buffer.getvalue()
 
 

@@ -30,8 +30,8 @@ def stage_times(results: str | Path, cells: set[str], truth: Path | None = None)
         stage = parents[0] if parents else CELL_STAGE if path.stem in cells else path.stem
         memory = pd.to_numeric(table.get("max_rss", pd.Series(dtype=float)), errors="coerce")
         memory = memory[memory > WAITING_MB].max()
-        own = read_timings(product).get("peak_memory_MB", np.nan)
-        rows.append((stage, float(table["s"].sum()), float(np.fmax(memory, own))))
+        memory_MB = read_timings(product).get("peak_memory_MB", np.nan)
+        rows.append((stage, float(table["s"].sum()), float(np.fmax(memory, memory_MB))))
     jobs = pd.DataFrame(rows, columns=["stage", "seconds", "memory_MB"])
     grouped = jobs.groupby("stage", as_index=False).agg(
         jobs=("seconds", "size"),

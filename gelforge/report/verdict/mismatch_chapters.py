@@ -20,7 +20,7 @@ from gelforge.report.verdict.mismatch_words import filled, in_unit, p_text, pret
 
 FOLDER = "mismatch"  # of a study's verdict, in its results folder
 WHERE = {"words": "pattern", "snr": "signal over noise", "p": "chance"}
-MOST_LIMITS = 10  # effects in the table of the page
+MOST_LIMITS = 10  # effects in the table of the page (no result depends on it)
 # What a laboratory asks for first: materials, contact point, force sensor, geometry.
 FIRST = (
     *("gel_stiffness", "skin_stiffness", "friction", "contact_zero", "layer_thickness", "force_gain"),
@@ -93,15 +93,15 @@ def limits(results: MismatchResults) -> Chapter:
     chapter, verdict = Chapter("cannot-know", "What these readings cannot show"), results.verdict
     for sentence in verdict.cannot_know:
         chapter.say(sentence)
-    if found := verdict.detection_limits:
-        hidden = sum(not limit.seen for limit in found)
+    if detectable := verdict.detection_limits:
+        hidden = sum(not limit.seen for limit in detectable)
         names = sorted(
-            dict.fromkeys(limit.effect for limit in found), key=lambda name: [*FIRST, name].index(name)
+            dict.fromkeys(limit.effect for limit in detectable), key=lambda name: [*FIRST, name].index(name)
         )
         chapter.tabulate(
-            f"The smallest value that these readings would show, and a plausible one. Of {len(found)} plausible values"
+            f"The smallest value that these readings would show, and a plausible one. Of {len(detectable)} plausible values"
             f" {hidden} would stay hidden; {LIMITS} has all.",
-            pd.DataFrame([_limit_row(name, found) for name in names[:MOST_LIMITS]]),
+            pd.DataFrame([_limit_row(name, detectable) for name in names[:MOST_LIMITS]]),
         )
     if not chapter.blocks:
         chapter.say("Nothing is known to be out of reach.")
@@ -112,14 +112,14 @@ def limits(results: MismatchResults) -> Chapter:
     return chapter
 
 
-def _limit_row(name: str, found: list[DetectionLimit]) -> dict:
+def _limit_row(name: str, detectable: list[DetectionLimit]) -> dict:
     """Return an effect's parameters, their smallest detectable and their plausible values, a line each."""
-    own = [limit for limit in found if limit.effect == name]
+    of_effect = [limit for limit in detectable if limit.effect == name]
     cells = {
-        "parameter": [pretty(limit.parameter) for limit in own],
-        "smallest detectable": [in_unit(limit.amount, limit.parameter, limit.unit) for limit in own],
-        "plausible": [in_unit(limit.plausible, limit.parameter, limit.unit) for limit in own],
-        "a plausible one is seen": ["yes" if limit.seen else "no" for limit in own],
+        "parameter": [pretty(limit.parameter) for limit in of_effect],
+        "smallest detectable": [in_unit(limit.amount, limit.parameter, limit.unit) for limit in of_effect],
+        "plausible": [in_unit(limit.plausible, limit.parameter, limit.unit) for limit in of_effect],
+        "a plausible one is seen": ["yes" if limit.seen else "no" for limit in of_effect],
     }
     return {"effect": pretty(name)} | {key: "\n".join(lines) for key, lines in cells.items()}
 
@@ -165,15 +165,15 @@ def mismatch(results: StudyResults) -> Chapter:
         )
         return chapter
     try:
-        found = MismatchResults(folder)
-        verdict, _ = found.verdict, found.readings
+        judged = MismatchResults(folder)
+        verdict, _ = judged.verdict, judged.readings
     except VerdictError as error:
         missing = not (folder / VERDICT).is_file()
         chapter.miss(f"No verdict: {folder / VERDICT} is not there." if missing else f"No verdict: {error}")
         return chapter
     made_up = " The readings are SYNTHETIC." if verdict.synthetic else ""
     chapter.say(f"{verdict.sentence}{made_up} Next: {verdict.next_step}")
-    show_before_after(chapter, found)
+    show_before_after(chapter, judged)
     page = folder / PAGE
     if page.is_file():
         chapter.blocks.append(

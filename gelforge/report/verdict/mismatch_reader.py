@@ -92,8 +92,8 @@ class JudgedReadings:
         chosen, distance = nearest(places.to_numpy(), places.loc[site].to_numpy(), CURVE_SITES)
         return list(places.index[chosen]), distance
 
-    def shown_sites(self, most: int = 3) -> list[tuple[str, str]]:
-        """Return (site, why it is shown): the largest residual, the nearest to the centre, one that was held out."""
+    def shown_sites(self) -> list[tuple[str, str]]:
+        """Return up to three (site, why it is shown): largest residual, nearest to the centre, one that was held out."""
         sites = self.site_means[self.site_means["axis"] == self.strongest_axis].set_index("site")
         size = sites["before"].abs()
         middle = np.array([sites["x_mm"].mean(), sites["y_mm"].mean()])
@@ -103,9 +103,9 @@ class JudgedReadings:
         aside = size[sites["held_out"] & ~sites.index.isin(chosen)]
         if len(aside):
             chosen[aside.idxmax()] = "held out for the proof"
-        elif len(chosen) < min(most, len(sites)):
+        elif len(chosen) < min(3, len(sites)):
             chosen[size.drop(list(chosen)).idxmin()] = "smallest mismatch"
-        return list(chosen.items())[:most]
+        return list(chosen.items())[:3]
 
 
 class MismatchResults(JudgedReadings):

@@ -32,7 +32,7 @@ def chance_text(chance: float) -> str:
     return "> 99 %" if chance > 0.995 else f"{100 * chance:.0f} %"
 
 
-MOST_NAMES = 8  # of a credible set in a table or a cell
+MOST_NAMES = 8  # of a credible set in a table or a cell (no result depends on it)
 
 
 def answer_text(verdict: Verdict) -> str:
@@ -82,9 +82,9 @@ def two_digits(value: float, sign: str = "") -> str:
     return f"{float(f'{value:.2g}'):{sign}g}"
 
 
-def unbroken(text: str, between: str = "; ") -> str:
-    """Return a text whose parts stand on lines of their own in a table, and are broken before a bracket only."""
-    return "\n".join(part.replace(" ", "\u00a0").replace("\u00a0(", " (") for part in text.split(between))
+def unbroken(text: str) -> str:
+    """Return a text with a line for each part ("; " separates them); lines break before a bracket only."""
+    return "\n".join(part.replace(" ", "\u00a0").replace("\u00a0(", " (") for part in text.split("; "))
 
 
 def p_text(p: float) -> str:
@@ -98,12 +98,12 @@ def span_text(span: tuple[float, float] | None) -> str | None:
 
 def shape_text(shape: Mapping[str, float | str]) -> str:
     """Return an effect's place, part or time, two to a line: "x 9.07 mm, y 13 mm; z -3 mm, radius 1.2 mm"."""
-    found = []
+    texts = []
     for key, value in shape.items():
         name, _, unit = key.rpartition("_") if key.endswith(UNITS) else (key, "", "")
         said = value if isinstance(value, str) else f"{value:.3g}"
-        found.append(" ".join(filter(None, (pretty(name), said, unit))))
-    return "; ".join(", ".join(found[k : k + 2]) for k in range(0, len(found), 2))
+        texts.append(" ".join(filter(None, (pretty(name), said, unit))))
+    return "; ".join(", ".join(texts[k : k + 2]) for k in range(0, len(texts), 2))
 
 
 def value_text(effect: NamedEffect) -> str:

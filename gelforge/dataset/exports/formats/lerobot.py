@@ -63,7 +63,9 @@ def write(source: Source, folder: Path, options: Options) -> None:
     files = write_files(blocks, variables, lambda n: folder / DATA.format(**_numbers(n)), FILE_MB * 1e6)
     _write_episodes(source, folder, files, of_each)
     _write_tasks(source, folder)
-    write_json(folder / "meta" / "stats.json", {name: found.summary() for name, found in of_all.items()})
+    write_json(
+        folder / "meta" / "stats.json", {name: statistics.summary() for name, statistics in of_all.items()}
+    )
     splits, start = {}, 0
     for split in source.counts:
         splits[split] = f"{start}:{start + len(source.of_split(split))}"
@@ -87,21 +89,23 @@ def _numbers(file: int) -> dict[str, int]:
 
 
 def _variables(source: Source) -> dict[str, Variable]:
-    found = {name: source.variables[column] for name, column, _ in TAKEN if column in source.variables}
+    variables = {name: source.variables[column] for name, column, _ in TAKEN if column in source.variables}
     if (
-        wrench(np.zeros((1, *found["observation.forces_3d"].shape)), np.zeros((1, 3)), source.sensor)
+        wrench(np.zeros((1, *variables["observation.forces_3d"].shape)), np.zeros((1, 3)), source.sensor)
         is not None
     ):
-        found["observation.wrench"] = Variable(
+        variables["observation.wrench"] = Variable(
             "f4",
             (6,),
             "N, N mm",
             "resultant on the sensor: total force, moment of the bins' forces about the middle of the sensor at z = 0",
         )
-    found["observation.state"] = Variable("f4", (3,), "mm", "planned position x, y and depth of the indenter")
+    variables["observation.state"] = Variable(
+        "f4", (3,), "mm", "planned position x, y and depth of the indenter"
+    )
     if source.images:
-        found["observation.images.tactile"] = source.variables[IMAGE]
-    return found | {name: Variable(kind, (), unit, text) for name, (kind, unit, text) in INDICES.items()}
+        variables["observation.images.tactile"] = source.variables[IMAGE]
+    return variables | {name: Variable(kind, (), unit, text) for name, (kind, unit, text) in INDICES.items()}
 
 
 def _episodes(source: Source, variables: dict[str, Variable], fps: float) -> Iterator[dict]:
@@ -135,14 +139,14 @@ def _counted(
 ) -> Iterator[dict]:
     """Yield the blocks, adding each to the statistics of all; append those of its small columns to of_each."""
     for block in blocks:
-        found = {}
+        counted = {}
         for name, variable in variables.items():
             of_all[name].add(block[name])
             if variable.kind == "image" or np.prod(variable.shape) <= SMALL:
                 of_episode = _Statistics(variable)
                 of_episode.add(block[name])
-                found[name] = of_episode.summary()
-        of_each.append(found)
+                counted[name] = of_episode.summary()
+        of_each.append(counted)
         yield block
 
 
@@ -182,13 +186,13 @@ class _Statistics:
 
     def summary(self) -> dict[str, list]:
         """Return min, max, mean, std and count as LeRobot writes them."""
-        found = {
+        statistics = {
             "min": np.where(self.known, self.least, 0.0),
             "max": np.where(self.known, self.most, 0.0),
             "mean": self.mean,
             "std": np.sqrt(self.square / np.maximum(self.known, 1)),
         }
-        return {name: value.reshape(self.shape).tolist() for name, value in found.items()} | {
+        return {name: value.reshape(self.shape).tolist() for name, value in statistics.items()} | {
             "count": [self.rows]
         }
 
@@ -197,7 +201,7 @@ def _write_episodes(source: Source, folder: Path, files: list[int], statistics: 
     pa, pq = library("pyarrow"), library("pyarrow.parquet", "pyarrow")
     ends = np.cumsum([len(press.rows) for press in source.presses])
     rows = []
-    for number, (press, file, end, found) in enumerate(zip(source.presses, files, ends, statistics)):
+    for number, (press, file, end, summary) in enumerate(zip(source.presses, files, ends, statistics)):
         one = {
             "episode_index": number,
             "tasks": [_task(source)],
@@ -211,7 +215,7 @@ def _write_episodes(source: Source, folder: Path, files: list[int], statistics: 
             "meta/episodes/chunk_index": 0,
             "meta/episodes/file_index": 0,
         }
-        rows.append(one | {f"stats/{n}/{k}": v for n, of in found.items() for k, v in of.items()})
+        rows.append(one | {f"stats/{n}/{k}": v for n, of in summary.items() for k, v in of.items()})
     path = folder / "meta" / "episodes" / "chunk-000" / "file-000.parquet"
     path.parent.mkdir(parents=True)
     pq.write_table(pa.Table.from_pylist(rows), path, compression="zstd")

@@ -81,7 +81,7 @@ def _messages(source: Source, press, fps: float, start: int):
     rows = source.read([press])
     resultant = wrench(rows["force_distribution_N"], rows["total_force_fem_N"], source.sensor)
     for i in range(len(press.rows)):
-        found = {
+        topics = {
             "/tactile/forces_3d": {"force_N": rows["force_distribution_N"][i].tolist()},
             "/tactile/state": {
                 "press": press.name,
@@ -93,17 +93,17 @@ def _messages(source: Source, press, fps: float, start: int):
         }
         if resultant is not None:
             force, torque = resultant[i, :3].tolist(), (resultant[i, 3:] / 1000).tolist()
-            found["/tactile/wrench"] = {"force": dict(zip("xyz", force)), "torque": dict(zip("xyz", torque))}
+            topics["/tactile/wrench"] = {"force": dict(zip("xyz", force)), "torque": dict(zip("xyz", torque))}
         if source.images:
             sec, nsec = divmod(round((start + i) / fps * 1e9), 10**9)
             content = rows[IMAGE][i]
-            found["/tactile/image"] = {
+            topics["/tactile/image"] = {
                 "timestamp": {"sec": sec, "nsec": nsec},
                 "frame_id": "camera",
                 "format": "png" if content.startswith(PNG) else "jpeg",
                 "data": base64.b64encode(content).decode(),
             }
-        yield found
+        yield topics
 
 
 EXPORT = Export(

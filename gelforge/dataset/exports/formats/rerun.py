@@ -16,8 +16,8 @@ from gelforge.progress import tracked
 from gelforge.recording.optics.camera import project
 
 PACKAGE = "rerun-sdk"  # of 170 MB: not in the extra
-FULL = 0.05  # N of a bin that is drawn as long as a bin is wide
-LEAST = 1e-4  # N: bins with less are not drawn
+FULL = 0.05  # N of a bin that is drawn as long as a bin is wide (no result depends on it)
+LEAST = 1e-4  # N: bins with less are not drawn (no result depends on it)
 USE = """\
 `rerun FOLDER/train.rrd` (or validation, test) opens the recording: the image with the force of each bin over it, the same
 in space, and the resultant over the rows. An arrow as long as a bin is wide is {full:g} N. In Python:

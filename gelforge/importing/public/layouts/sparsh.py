@@ -19,12 +19,12 @@ FORCES = "dataset_slip_forces"
 
 def read(path: Path, options: Options) -> Iterator[Reading]:
     """Yield the readings of every trajectory of every batch; a group is one trajectory, the first rest its reference."""
-    found = [p for p in files_of(path, (".npz", ".pkl"), f"{FORCES}.npz") if p.stem == FORCES]
-    if not found:
+    files = [p for p in files_of(path, (".npz", ".pkl"), f"{FORCES}.npz") if p.stem == FORCES]
+    if not files:
         raise ImportingError(f"{path}: no {FORCES}.npz in it; name the folder of a batch, or of several")
-    converted = [p for p in found if p.suffix == ".npz"]
+    converted = [p for p in files if p.suffix == ".npz"]
     if not converted:
-        raise ImportingError(f"{found[0]}: a pickle can run code when it is loaded and is not read; {SCRIPT}")
+        raise ImportingError(f"{files[0]}: a pickle can run code when it is loaded and is not read; {SCRIPT}")
     for file in converted:
         yield from _batch(file, "_".join(file.parent.parts[-2:]))
 

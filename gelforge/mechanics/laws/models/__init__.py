@@ -15,7 +15,23 @@ FAMILIES: dict[str, Family] = {family.name: family for model in MODELS.values() 
 
 
 def family_of(law: PrincipalLaw) -> Family:
-    """Return the family of a law. Raises ValueError for a law that cannot be fitted."""
+    """Return the family of a constitutive model.
+
+    Parameters
+    ----------
+    law : PrincipalLaw
+        Such as an Ogden model of two terms.
+
+    Returns
+    -------
+    Family
+        It fits models of this kind.
+
+    Raises
+    ------
+    ValueError
+        For a model that cannot be fitted.
+    """
     family = next((family for family in FAMILIES.values() if family.holds(law)), None)
     if family is None:
         raise ValueError(f"{law} is of no family that can be fitted; one of {', '.join(FAMILIES)} is needed")
@@ -23,7 +39,23 @@ def family_of(law: PrincipalLaw) -> Family:
 
 
 def parameters_of(law: PrincipalLaw) -> np.ndarray:
-    """Return the parameters (p,) of a law in the units of files, in the order of its family."""
+    """Return the parameters of a constitutive model in the units of files.
+
+    Parameters
+    ----------
+    law : PrincipalLaw
+        Moduli in MPa.
+
+    Returns
+    -------
+    numpy.ndarray
+        (p,) in the order of its family; moduli in kPa.
+
+    Raises
+    ------
+    ValueError
+        For a model that cannot be fitted.
+    """
     return family_of(law).parameters_of(law)
 
 

@@ -197,12 +197,12 @@ class OgdenFamily(Family):
         # the triangle of the weighted columns keeps all their inner products
         columns = weight[:, None] * np.column_stack([phi, stress])
         R = cast(np.ndarray, np.linalg.qr(columns, mode="r"))  # numpy's types know of Q and R only
-        found = []
+        ranked = []
         for chosen in combinations(range(len(START_EXPONENTS)), self.terms):
             g, misfit = optimize.nnls(R[:, list(chosen)], R[:, -1])
-            found.append((misfit, chosen, g))
+            ranked.append((misfit, chosen, g))
         starts = []
-        for _, chosen, g in sorted(found, key=lambda f: f[:2])[:STARTS]:
+        for _, chosen, g in sorted(ranked, key=lambda f: f[:2])[:STARTS]:
             g = np.maximum(g, 1e-4 * g.sum())  # a term that starts at nothing could not grow in ln g
             theta = np.column_stack([np.log(g), np.array(START_EXPONENTS)[list(chosen)]]).ravel()
             starts.append(np.clip(theta, *self.bounds(points, stiffness)))
@@ -251,12 +251,12 @@ class OgdenParameters(GivenParameters):
     def _softening(self, mu: float, alpha: float) -> str:
         """Return why a term is refused, and how the other convention writes it."""
         other = "ogden" if self.convention == "abaqus" else "abaqus"
-        own, meant = OGDEN_CONVENTIONS[self.convention], OGDEN_CONVENTIONS[other]
+        stated, meant = OGDEN_CONVENTIONS[self.convention], OGDEN_CONVENTIONS[other]
         needed = "mu_k > 0" if self.convention == "abaqus" else "mu_k alpha_k > 0, both of the same sign,"
         return (
             f"mu_kPa {mu:g} with alpha {alpha:g} is a term of negative stiffness: {needed} is needed in convention: "
-            f"{self.convention}, energy factor {own[0]}, initial shear modulus {own[1]} ({own[2]}); for parameters written "
-            f"with {meant[0]}, initial shear modulus {meant[1]} ({meant[2]}), set convention: {other}"
+            f"{self.convention}, energy factor {stated[0]}, initial shear modulus {stated[1]} ({stated[2]}); for parameters "
+            f"written with {meant[0]}, initial shear modulus {meant[1]} ({meant[2]}), set convention: {other}"
         )
 
     @property

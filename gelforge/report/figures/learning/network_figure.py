@@ -1,4 +1,4 @@
-"""The network's error beside baselines, and by depth and place."""
+"""The network's error next to baselines, and by depth and place."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def errors_figure(baselines: pd.DataFrame, by: pd.DataFrame) -> Figure:
     return figure
 
 
-def _bars(ax, names: pd.Series, errors: pd.Series, own: pd.Series | np.ndarray) -> None:
-    colours = [SIMULATED if network else MEASURED for network in own]
+def _bars(ax, names: pd.Series, errors: pd.Series, of_network: pd.Series | np.ndarray) -> None:
+    colours = [SIMULATED if network else MEASURED for network in of_network]
     bars = ax.barh(np.arange(len(names)), 1e3 * errors, color=colours, height=0.7)
     ax.bar_label(bars, fmt="%.3g", padding=2, fontsize=7)
     ax.set_yticks(np.arange(len(names)), names, fontsize=7)

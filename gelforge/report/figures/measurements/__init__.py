@@ -1,1 +1,1 @@
-"""What was measured: material tests beside their constitutive models, calibrations, imported logs, optical flow."""
+"""What was measured: material tests next to their constitutive models, calibrations, imported logs, optical flow."""

@@ -10,26 +10,26 @@ from gelforge.report.figures.style import FAINT, MEASURED, PREDICTED, SIMULATED,
 
 
 @styled
-def calibration_figure(found: Calibration, example: np.ndarray, straight: np.ndarray) -> Figure:
+def calibration_figure(lens: Calibration, example: np.ndarray, straight: np.ndarray) -> Figure:
     """Return corners over the image, their residuals as arrows and by size, and an image (H, W) before and after."""
-    width, height = found.views.size
-    pixels = np.concatenate([view.pixels for view in found.views.seen])
-    off = np.concatenate(found.residuals())
+    width, height = lens.views.size
+    pixels = np.concatenate([view.pixels for view in lens.views.seen])
+    off = np.concatenate(lens.residuals())
     figure, axes = new_figure(10.0, 7.6 * height / width + 0.8, nrows=2, ncols=2)
     where, arrows, before, after = axes.ravel()
     for number in range(1, CELLS):
         where.axvline(number * width / CELLS - 0.5, color=FAINT, lw=0.6)
         where.axhline(number * height / CELLS - 0.5, color=FAINT, lw=0.6)
     where.plot(*pixels.T, ".", ms=3, color=SIMULATED)
-    where.plot(*found.K[:2, 2], "+", ms=12, mew=2, color=PREDICTED)
+    where.plot(*lens.K[:2, 2], "+", ms=12, mew=2, color=PREDICTED)
     where.set_title(
-        f"{len(pixels)} corners of {len(found.views.seen)} images in {found.covered:.0%} of the parts; + principal point"
+        f"{len(pixels)} corners of {len(lens.views.seen)} images in {lens.covered:.0%} of the parts; + principal point"
     )
-    scale = 0.04 * width / max(found.rms_px, 1e-6)
+    scale = 0.04 * width / max(lens.rms_px, 1e-6)
     arrows.quiver(
         *pixels.T, *(scale * off).T, angles="xy", scale_units="xy", scale=1, width=0.002, color=MEASURED
     )
-    arrows.set_title(f"seen less fitted, {scale:.0f} times as long; {found.rms_px:.3f} px rms")
+    arrows.set_title(f"seen less fitted, {scale:.0f} times as long; {lens.rms_px:.3f} px rms")
     for ax, picture, title in (
         (before, example, "an image as recorded"),
         (after, straight, "without distortion"),

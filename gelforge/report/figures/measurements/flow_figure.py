@@ -37,7 +37,7 @@ def region_flow(
 
 @styled
 def flow_figure(image: np.ndarray, feature: np.ndarray) -> Figure:
-    """Return a pressed image beside its region flow from the reference image, drawn as arrows."""
+    """Return a pressed image next to its region flow from the reference image, drawn as arrows."""
     height, width = image.shape[:2]
     u, v, du, dv = region_flow(feature, (height, width))
     figure, axes = new_figure(9.6, 4.3 * height / width + 0.5, nrows=1, ncols=2)

@@ -38,8 +38,8 @@ TITLES = {
     "compression": "Compression",
     "simple_shear": "Simple shear",
 }
-BESIDE = {"compression", "simple_shear"}  # without a standard test beside them, its empty panels say nothing
-SHOWN_STRETCH = (1.0, 2.0)  # where no test was made at all and the law stands alone
+BESIDE = {"compression", "simple_shear"}  # without a standard test next to them, its empty panels say nothing
+SHOWN_STRETCH = (1.0, 2.0)  # where no test was made at all and the law stands alone (no result depends on it)
 OTHER_LAWS = [
     (PREDICTED, "--"),
     (PUBLISHED_LINEAR, "-."),
@@ -48,7 +48,7 @@ OTHER_LAWS = [
     ("#8C6D1F", "-."),
     ("#555555", ":"),
     (PREDICTED, (0, (6, 1.5, 1, 1.5, 1, 1.5))),
-]  # one for each law beside the chosen one
+]  # one for each law but the chosen one
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
 
 
@@ -58,14 +58,14 @@ def material_figure(
 ) -> Figure:
     """Return Cauchy stress over stretch in the three load cases, one scale for all, as in the paper's fig. 4.
 
-    others: law files of the same tests, drawn beside the law. Further kinds of test have panels of their own, and the
+    others: law files of the same tests, drawn next to the law. Further kinds of test have panels of their own, and the
     only ones where no test is in tension. Below, the model minus the mean of the samples. R2 in the panels is that
     of the nominal stress, which was fitted.
     """
     material = read_law(law_json)
     remedy = f"run the material stage again (snakemake -R {curves_csv})"
     curves = read_product_table(curves_csv, remedy, dtype={"sample": str, "test": str})
-    beside = [read_law(path) for path in others]
+    compared = [read_law(path) for path in others]
     curves["kind"] = curves.test.str.split(" ").str[0]
     further = [k for k in TITLES if k not in LOAD_CASES and k in set(curves.kind)]
     standard = (
@@ -77,7 +77,7 @@ def material_figure(
     figure, axes = new_figure(
         *size, nrows=rows, ncols=len(kinds), sharey="row", sharex="col", gridspec_kw=ratios
     )
-    laws = [material, *beside]
+    laws = [material, *compared]
     for column, kind in enumerate(kinds):
         measured, draw = curves[curves.kind == kind], _biaxial if kind == "biaxial" else _load_case
         residual = axes[1][column] if rows == 2 else None

@@ -19,12 +19,13 @@ from gelforge.meshing.solids import Solids
 from gelforge.report.figures.simulation.silhouette import draw_indenter
 from gelforge.report.figures.style import INK, SURROUND, Style, new_figure, region_colours, styled
 
-BASE, ROOM = 0.06, 0.16  # height of the drawn base and room of a dimension line, over the larger width
+# Height of the drawn base and room of a dimension line, over the larger width (no result depends on it).
+BASE, ROOM = 0.06, 0.16
 
 
 @styled
 def cross_section(study: Study, title: str) -> Figure:
-    """Return the section across x, beside that across y unless they are the same, with dimensions in mm and the indenter."""
+    """Return the section across x, and that across y unless they are the same, with dimensions in mm and the indenter."""
     sensor = study.sensor
     cuts = [0] if study.sensor_has_symmetry_of_square else [0, 1]
     widths = [(sensor.width_x_mm, sensor.width_y_mm)[axis] for axis in cuts]

@@ -1,4 +1,4 @@
-"""Vertical force over depth at the centre and the corner, beside the paper's published curves."""
+"""Vertical force over depth at the centre and the corner, next to the paper's published curves."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ForceDepth:
 
 
 def deviation_table(curve: ForceDepth) -> pd.DataFrame | None:
-    """Return simulated force beside the published FEM's, at the depths that both have, and the variants' forces.
+    """Return simulated force next to the published FEM's, at the depths that both have, and the variants' forces.
 
     The deviation [%] is the study's from the published FEM; a variant that did not reach a depth has NaN there.
     """

@@ -1,4 +1,4 @@
-"""Maps of the force distribution over the sensor's surface: one label, or predicted beside true."""
+"""Maps of the force distribution over the sensor's surface: one label, or predicted next to true."""
 
 from __future__ import annotations
 

@@ -46,9 +46,9 @@ def read_label(path: str | Path, row: int | None = None) -> Label:
             return _cell_label(file, path, row)
         if "force_distribution_N" in file:
             return _shard_label(file, path, row)
-        found = file.attrs.get("format", "no format attribute")
+        stated = file.attrs.get("format", "no format attribute")
     raise LabelError(
-        f"{path}: neither a site ({CELL_FORMAT}) nor a shard (force_distribution_N); found {found}"
+        f"{path}: neither a site ({CELL_FORMAT}) nor a shard (force_distribution_N); found {stated}"
     )
 
 
@@ -87,7 +87,7 @@ def _unrolled(sensor: dict, x_mm: float, y_mm: float) -> tuple[float, float] | N
 
 
 def _sensor_of_dataset(shard: Path) -> dict:
-    """Return the sensor's settings from the manifest beside a shard, which has the label but not the sensor's size."""
+    """Return the sensor's settings from the manifest next to a shard, which has the label but not the sensor's size."""
     manifest = shard.parent / "manifest.json"
     remedy = (
         f"it says how large the sensor of {shard.name} is: build the dataset again (snakemake -R {manifest})"

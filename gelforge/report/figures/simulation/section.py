@@ -111,7 +111,7 @@ def draw_pressure(ax: Axes, node_xy_mm, displacement_mm, pressure_kPa, centre_mm
 
 @styled
 def section_figure(arrays: dict, row: int, names: list[str], position_mm, indenter: Indenter) -> Figure:
-    """Return the deformed section beside the contact pressure from above, for a depth (row) of a site."""
+    """Return the deformed section next to the contact pressure from above, for a depth (row) of a site."""
     depth = float(arrays["depth_mm"][row])
     figure, axes = new_figure(9.6, 3.8, nrows=1, ncols=2, width_ratios=[2.1, 1])
     side, top = axes[0]

@@ -19,14 +19,14 @@ from gelforge.report.figures.style import PREDICTED, SIMULATED, Style, new_figur
 OUTSIDE = "#E9E6DC"  # of a shape seen from above: the positions' blues must stand out
 
 
-def camera_footprint(camera: Camera, crop_px: list[int] | None = None, z_mm: float = 0.0) -> np.ndarray:
-    """Return the corners (4, 2) [mm] of the image on the plane z_mm, clockwise from its top left.
+def camera_footprint(camera: Camera, crop_px: list[int] | None = None) -> np.ndarray:
+    """Return the corners (4, 2) [mm] of the image on the plane z = 0, clockwise from its top left.
 
     Pixel (0, 0) is the centre of the top left pixel, so the image spans -1/2 to width - 1/2.
     """
     left, top, width, height = crop_px or (0, 0, camera.width_px, camera.height_px)
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) + [left - 0.5, top - 0.5]
-    return unproject(camera, corners, z_mm)[:, :2]
+    return unproject(camera, corners, 0.0)[:, :2]
 
 
 def _sees_a_frame(camera: Camera | None, crop: list[int] | None) -> bool:
@@ -39,7 +39,7 @@ def _sees_a_frame(camera: Camera | None, crop: list[int] | None) -> bool:
 
 @styled
 def sensor_figure(study: Study, cells: dict[str, PlannedCell], session: Session | None = None) -> Figure:
-    """Return the sensor from above (positions, bins, camera view, frame) beside its section with the ball."""
+    """Return the sensor from above (positions, bins, camera view, frame) next to its section with the ball."""
     crop = session.crop_px if session else None
     camera = session.camera if session and _sees_a_frame(session.camera, crop) else None
     figure, axes = new_figure(10.4, 6.3, ncols=2)

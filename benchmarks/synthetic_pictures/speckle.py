@@ -105,11 +105,6 @@ class TensileFilm:
         return np.floor(smooth / step + 1e-9) * step if step > 0 else smooth
 
     @property
-    def clamp_stretch(self) -> np.ndarray:
-        """Return the stretch (n,) that the clamps' distance suggests: wrong where the clamp slips."""
-        return np.asarray(self.stretch) * (1 + self.slipped)
-
-    @property
     def window(self) -> tuple[float, float, float, float]:
         """Return a window x, y, width, height [px] at the centre of the piece in the first frame."""
         width, height = 0.45 * self.length_px, 0.65 * self.width_px

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gelforge.virtual_lab.speckle import Camera, Speckle
+from synthetic_pictures.speckle import Camera, Speckle
 
 
 @dataclass(frozen=True)
