@@ -27,5 +27,5 @@ def write_mismatch_page(folder: str | Path) -> Path:
     results = MismatchResults(Path(folder))
     chapters = [make(results) for make in CHAPTERS]
     verdict = results.verdict
-    head = {"verdict": verdict, "state": STATES[verdict.state]}
-    return write_page(Path(folder) / PAGE, "mismatch.html", chapters, **head)
+    state = STATES[verdict.state]
+    return write_page(Path(folder) / PAGE, "mismatch.html", chapters, verdict=verdict, state=state)

@@ -40,6 +40,9 @@ IMAGES_LEFT_OUT = (
     " which takes longer and distinguishes gel stiffness from force gain"
 )
 SLACK_MM = 0.5 * 10.0**-DEPTH_DIGITS
+# Largest element under a ball, as a share of its radius, on which a change errs by 10 % or less, the default of
+# mismatch.change_error: 8 % at 0.24, 14 % at 0.3, 30 % at 0.4 (benchmarks/coarse_changes.py).
+LARGEST_ELEMENT = 0.25
 
 
 def with_known(base: Base, solver: Solver) -> Base:
@@ -206,7 +209,20 @@ def observations_of(recorded: Sequence[Path | Recording], study: Study) -> tuple
     sessions = [recording.session for recording in recordings]
     if study.mismatch.images == "left_out" and any(session.camera for session in sessions):
         observations = observations.saying(IMAGES_LEFT_OUT)
+    observations = observations.saying(*_large_elements(study))
     return spread(observations, study), any(session.synthetic for session in sessions)
+
+
+def _large_elements(study: Study) -> list[str]:
+    """Return a sentence where the mesh of changes does not resolve the contact of a ball."""
+    near, ball = study.mechanics.mesh.coarser(study.mismatch.coarser).near_mm, study.indenter
+    limit = LARGEST_ELEMENT * ball.radius_mm
+    if ball.kind != "sphere" or near <= limit:
+        return []
+    return [
+        f"changes by effects are solved on elements of {near:.2g} mm under a ball of {ball.radius_mm:g} mm; above"
+        f" {limit:.2g} mm they err by more than 10 %: lower mismatch.coarser or mechanics.mesh.near_mm"
+    ]
 
 
 def spread(observations: Observations, study: Study) -> Observations:

@@ -71,6 +71,7 @@ def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation,
     blank = Context.before_readings(solver.study)  # all that there could be
     effects = required(solver.study, effects_of_forces(solver.study).values())
     variations: dict[str, tuple[Variation, dict]] = {}
+    words: dict[str, object]
     known = []
     for zero_by in ZERO_BY:
         for one in asked_of(replace(solver, zero_by=zero_by), effects, blank, planned):

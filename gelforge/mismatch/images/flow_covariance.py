@@ -87,10 +87,10 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
         flow = np.zeros((f, force.shape[1])) if flow is None else flow
         return Draws(np.concatenate([group, own]).astype(int), np.vstack([force, flow]))
 
-    def joined(column: str, group: np.ndarray) -> list[int]:
+    def joined(column: str, group: np.ndarray) -> np.ndarray:
         """Return the groups of the flow as those (n,) of the forces at its site or of its press."""
         of_force = dict(zip(labels[column].iloc[:n], group))
-        return [of_force[value] for value in flow[column]]
+        return np.array([of_force[value] for value in flow[column]])
 
     apart = press.group.max() + 1 + seen_at
     levels = (

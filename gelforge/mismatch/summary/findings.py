@@ -195,8 +195,11 @@ def rest_of(problem: Problem, judgement: Judgement) -> np.ndarray | None:
 def unseen_of(problem: Problem, judgement: Judgement) -> np.ndarray | None:
     """Return measured less the prediction [N] of the forces by the training readings alone; None where there is none."""
     answer, model = judgement.answer, judgement.model
-    predicted = model if model is not None else answer and answer.proof
-    return predicted and predicted.left[problem.of_force]
+    if model is not None:
+        return model.left[problem.of_force]
+    if answer is None or answer.proof is None:
+        return None
+    return answer.proof.left[problem.of_force]
 
 
 def _where(mismatch: ResidualTests) -> list[form.Where]:
