@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from gelforge.api.studies import paper_study
+from gelforge.mismatch.fem.nominal import large_elements
 from gelforge.mismatch.fem.solver import SIDEWAYS, base_bars
 
 # Fx and Fz [N] of the small sensor of validation/, from 0.8 mm on, 6 mm beside its middle and 6 mm along each axis:
@@ -43,3 +45,21 @@ def test_a_sideways_force_errs_by_a_share_of_itself_on_the_finest_mesh_too():
     own = np.array([[0.03, -0.01, -0.5], [0.06, -0.02, -1.0]])
     assert base_bars(own, own) == pytest.approx(SIDEWAYS * np.abs(own) * [1, 1, 0])
     assert not base_bars(own, own, sideways=0.0).any()
+
+
+@pytest.mark.parametrize(
+    ("near", "coarser", "radius", "said"),
+    [(0.3, 2.0, 5.0, False), (0.8, 2.0, 5.0, True), (0.3, 2.0, 2.0, True)],
+)
+def test_a_verdict_says_where_elements_are_too_large_for_the_contact_of_a_ball(near, coarser, radius, said):
+    study = paper_study()
+    study = study.with_values(
+        {
+            "mechanics": {"mesh": {"near_mm": near}},
+            "mismatch": {"coarser": coarser},
+            "indenter": {"kind": "sphere", "radius_mm": radius},
+        }
+    )
+    assert bool(large_elements(study)) == said
+    flat = {"kind": "cylinder", "radius_mm": radius, "length_mm": 12.0, "edge_radius_mm": 0.5}
+    assert not large_elements(study.with_values({"indenter": flat}))

@@ -37,7 +37,8 @@ class Mismatch(Section):
         2.0,
         ge=1.2,
         le=6.0,
-        description="changes by effects are solved on a mesh of so many times the study's sizes [-]",
+        description="changes by effects are solved on a mesh of so many times the study's sizes; under a ball its elements"
+        " should be below a quarter of the radius [-]",
     )
     draws: int = Field(2000, ge=1000, description="draws of the maximum statistic of the scan [-]")
     known: list[Known] = Field([], description="effects that belong to the nominal model")

@@ -209,11 +209,11 @@ def observations_of(recorded: Sequence[Path | Recording], study: Study) -> tuple
     sessions = [recording.session for recording in recordings]
     if study.mismatch.images == "left_out" and any(session.camera for session in sessions):
         observations = observations.saying(IMAGES_LEFT_OUT)
-    observations = observations.saying(*_large_elements(study))
+    observations = observations.saying(*large_elements(study))
     return spread(observations, study), any(session.synthetic for session in sessions)
 
 
-def _large_elements(study: Study) -> list[str]:
+def large_elements(study: Study) -> list[str]:
     """Return a sentence where the mesh of changes does not resolve the contact of a ball."""
     near, ball = study.mechanics.mesh.coarser(study.mismatch.coarser).near_mm, study.indenter
     limit = LARGEST_ELEMENT * ball.radius_mm
