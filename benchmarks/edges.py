@@ -24,7 +24,7 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from force_errors import force_errors  # noqa: E402
 from kept import trained  # noqa: E402
-from transfer import laws_of  # noqa: E402
+from transfer import laws_of, other_rows  # noqa: E402
 
 from gelforge.config import Study, load_study  # noqa: E402
 from gelforge.dataset.shard import ShardDataset  # noqa: E402
@@ -32,7 +32,7 @@ from gelforge.indentation.cells.cell_file import write_cell  # noqa: E402
 from gelforge.learning.basis.data import FEATURE, LABEL  # noqa: E402
 from gelforge.learning.models.model_file import Model, load_model  # noqa: E402
 from gelforge.synthesis.draws import drawn_path, shard_count  # noqa: E402
-from gelforge.synthesis.rows import solve, write_rows, write_solved  # noqa: E402
+from gelforge.synthesis.rows import solve, write_rows  # noqa: E402
 
 FOLDER = Path("results/edges")
 EDGES = {"own": 0.0, "ball": 0.0, "punch": 0.0, "pair": 0.0, "mesh": 0.0, "edge": 1.0}
@@ -58,17 +58,6 @@ def solved(study: Study, laws: dict, folder: Path) -> list[Path]:
             write_cell(path, solve(one, laws))
             print(f"{path}: {one.study.indenter.words}", flush=True)
     return files
-
-
-def test_rows(study: Study, laws: dict, folder: Path) -> list[Path]:
-    """Return shards of a study's solved edges as they are, each drawn in some image series."""
-    folder.mkdir(parents=True, exist_ok=True)
-    shards = [folder / f"{number:05d}.h5" for number in range(study.synthesis.paths)]
-    for number, path in enumerate(shards):
-        if not path.is_file():
-            one = drawn_path(study, number)
-            write_solved(study, one, solve(one, laws), path, study.synthesis.seed, SERIES)
-    return shards
 
 
 def wider(bins: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -109,9 +98,8 @@ def main() -> None:
     study = load_study(arguments.study).model_copy(update={"study": arguments.materials.name})
     laws = laws_of(arguments.materials, study)
     learnt = edges_only(study, arguments.paths, study.synthesis.seed)
-    tested = ShardDataset(
-        test_rows(edges_only(study, arguments.tested, study.synthesis.seed + 1000), laws, FOLDER / "tested")
-    )
+    others = edges_only(study, arguments.tested, study.synthesis.seed + 1000)
+    tested = ShardDataset(other_rows(others, laws, FOLDER / "tested", SERIES))
     presses = solved(learnt, laws, FOLDER / "solved")
     shards = [FOLDER / "rows" / f"{number:05d}.h5" for number in range(shard_count(learnt))]
     for number, path in enumerate(shards):

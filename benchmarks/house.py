@@ -2,12 +2,6 @@
 
 Prints one table. `--pages` adds a row for each hand-written page, `--constants` the module constants without a reason, and
 `--imports` which folder of the package imports which. Sources are read as text; nothing is imported from the package.
-
-Module constants are numbers that somebody chose. Tables that hold texts or bytes, lists of corners and enumerations are
-none; the row of numeric constants counts them too. A constant has a reason where its comment, or that of its run, cites a
-source, a measurement or a command, or gives a figure with which the value can be checked. A comment line that ends with a
-colon belongs to the whole run of lines below it, up to the next blank one. A budget (memory, messages, drawing) says that
-no result depends on it. Whether a reason is true only a reader sees.
 """
 
 from __future__ import annotations
@@ -20,18 +14,15 @@ import tokenize
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 PACKAGE, DOCS = ROOT / "gelforge", ROOT / "docs"
 GENERATED = ("Written by `python", "Printed by `python", "<!-- Made by render.py")
 CELL_WORDS, FILE_LINES, ARGUMENTS = 25, 400, 8  # the limits that are counted against
-# A comment cites a source, a measurement or a command.
-CITED = re.compile(
-    r"doi|(19|20)\d\d|measured|benchmarks|validation/|checks/|\.py|docs/|Hertz|Nyquist|Markov|Eshelby", re.I
+# A comment states a reason if it names a source, a measurement or a command.
+REASON = re.compile(
+    r"doi|(19|20)\d\d|measured|benchmarks/|validation/|checks/|\.py|docs/|Hertz|Nyquist|Markov|Eshelby", re.I
 )
-FIGURE = re.compile(r"\d")
-BUDGET = "no result depends"
 
 
 def pages() -> dict[str, str]:
@@ -177,34 +168,8 @@ NUMBERS = (
 )
 
 
-class Constant(NamedTuple):
-    """A numeric module constant, the comment in its lines or right above, and that of its run."""
-
-    name: str
-    value: str
-    comment: str
-    run: str
-    chosen: bool  # a number that somebody chose: no table of names, no list of corners, no enumeration
-
-    @property
-    def cited(self) -> bool:
-        return bool(CITED.search(self.comment + self.run))
-
-    @property
-    def reasoned_by_run(self) -> bool:
-        return self.reasoned and not CITED.search(self.comment) and not FIGURE.search(self.comment)
-
-    @property
-    def budget(self) -> bool:
-        return BUDGET in self.comment + self.run
-
-    @property
-    def reasoned(self) -> bool:
-        return self.cited or bool(FIGURE.search(self.comment + self.run))
-
-
-def constants(text: str, tree: ast.Module) -> Iterator[Constant]:
-    """Yield the numeric module constants."""
+def constants(text: str, tree: ast.Module) -> Iterator[tuple[str, str, str]]:
+    """Yield name, value and comment of each numeric module constant; the comment is in its lines or right above."""
     lines = text.split("\n")
     for node in tree.body:
         if not isinstance(node, (ast.Assign, ast.AnnAssign)) or node.value is None:
@@ -222,46 +187,7 @@ def constants(text: str, tree: ast.Module) -> Iterator[Constant]:
         while first > 0 and lines[first - 1].lstrip().startswith("#"):
             first -= 1
         comment = " ".join(re.findall(r"#\s*(.*)", "\n".join(lines[first : node.end_lineno])))
-        yield Constant(
-            ", ".join(names),
-            ast.unparse(node.value),
-            comment,
-            run_comment(lines, first),
-            is_chosen(node.value),
-        )
-
-
-def run_comment(lines: list[str], first: int) -> str:
-    """Return the comment that a line ending with a colon closes, in the run of lines around a line; "" for none."""
-    start = first
-    while start > 0 and lines[start - 1].strip():
-        start -= 1
-    block: list[str] = []
-    for line in lines[start : first + 1]:
-        if not line.startswith("#"):
-            block = []
-            continue
-        block.append(line.lstrip("# "))
-        if line.endswith(":"):
-            return " ".join(block)
-    return ""
-
-
-def is_chosen(value: ast.expr) -> bool:
-    """Return whether a value holds a number that somebody chose."""
-    keys = {id(key) for node in ast.walk(value) if isinstance(node, ast.Dict) for key in node.keys}
-    held = [node for node in ast.walk(value) if isinstance(node, ast.Constant) and id(node) not in keys]
-    if any(isinstance(node.value, (str, bytes)) for node in held):
-        return False
-    nested = isinstance(value, (ast.List, ast.Tuple)) and all(
-        isinstance(part, ast.Tuple) for part in value.elts
-    )
-    whole = all(type(node.value) is int for node in held)
-    numbers = (
-        ast.literal_eval(value) if isinstance(value, (ast.List, ast.Tuple)) and whole and not nested else ()
-    )
-    enumerated = len(numbers) > 2 and max(numbers) - min(numbers) == len(numbers) - 1
-    return not (nested and whole) and not enumerated
+        yield ", ".join(names), ast.unparse(node.value), comment
 
 
 def folder(path: Path) -> str:
@@ -295,13 +221,11 @@ def code_rows() -> tuple[list[tuple[str, object]], list[str], list[str]]:
     public = [function for tree in trees.values() for function in public_functions(tree)]
     described = sum(map(has_parameters, public))
     values = [
-        (str(path.relative_to(ROOT)), constant)
+        (str(path.relative_to(ROOT)), *constant)
         for path, tree in trees.items()
         for constant in constants(texts[path], tree)
     ]
-    chosen = [(path, constant) for path, constant in values if constant.chosen]
-    decisions = [(path, constant) for path, constant in chosen if not constant.budget]
-    bare = [(path, constant) for path, constant in decisions if not constant.reasoned]
+    bare = [value for value in values if not REASON.search(value[3])]
     silent = [
         path
         for path, tree in trees.items()
@@ -316,14 +240,10 @@ def code_rows() -> tuple[list[tuple[str, object]], list[str], list[str]]:
         ("package, code lines", sum(map(code_lines, texts.values()))),
         (f"  files over {FILE_LINES} lines", sum(text.count("\n") > FILE_LINES for text in texts.values())),
         (f"  functions with more than {ARGUMENTS} arguments", wide),
-        ("  numeric module constants", len(values)),
-        ("  of them numbers that somebody chose", len(chosen)),
-        ("  of these, budgets on which no result depends", len(chosen) - len(decisions)),
-        ("  of the others, without source, command or measurement", sum(not c.cited for _, c in decisions)),
-        ("  of these, without a figure either: no reason", len(bare)),
-        ("  reasons that only the comment of a run states", sum(c.reasoned_by_run for _, c in decisions)),
-        ("  the same, in gelforge/mismatch", sum("gelforge/mismatch/" in path for path, _ in bare)),
-        ("  numeric module constants without a comment", sum(not (c.comment or c.run) for _, c in values)),
+        ("  module constants", len(values)),
+        ("  of them without a stated reason", len(bare)),
+        ("  of them without a comment", sum(not value[3] for value in values)),
+        ("  the same, in gelforge/mismatch", sum("gelforge/mismatch/" in value[0] for value in bare)),
         (
             "  __init__.py that export nothing",
             f"{len(silent)} of {sum(p.name == '__init__.py' for p in texts)}",
@@ -343,7 +263,7 @@ def code_rows() -> tuple[list[tuple[str, object]], list[str], list[str]]:
         )
         for source in importing
     ]
-    return rows, [f"{path} {c.name} = {c.value[:60]}  # {c.comment[:60]}" for path, c in bare], arrows
+    return rows, [" ".join(value[:2]) + f" = {value[2][:60]}  # {value[3][:60]}" for value in bare], arrows
 
 
 def main() -> None:

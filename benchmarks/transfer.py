@@ -74,8 +74,8 @@ def stiffer(laws: dict, study: Study) -> dict:
     return laws | {gel: Ogden(tuple(STIFFER * mu for mu in law.mu), law.alpha)}
 
 
-def other_rows(study: Study, laws: dict, folder: Path) -> list[Path]:
-    """Return the shards of the other sensor, solved or kept."""
+def other_rows(study: Study, laws: dict, folder: Path, series: int = 1) -> list[Path]:
+    """Return the shards of a study's paths as they are, each drawn in some image series; solved or kept."""
     paths = []
     for number in range(study.synthesis.paths):
         paths.append(folder / f"{number:05d}.h5")
@@ -87,7 +87,7 @@ def other_rows(study: Study, laws: dict, folder: Path) -> list[Path]:
                 f"{one.planned.name}: {one.study.indenter.words}, {len(cell.arrays['depth_mm'])} steps",
                 flush=True,
             )
-            write_solved(study, one, cell, paths[-1], study.synthesis.seed)
+            write_solved(study, one, cell, paths[-1], study.synthesis.seed, series)
     return paths
 
 

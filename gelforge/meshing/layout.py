@@ -14,7 +14,7 @@ import numpy as np
 from gelforge.mechanics.indenters.closed_surface import SurfaceError
 from gelforge.meshing.solids import Solids
 
-# Chambers and gaps of small bodies are told from touching ones (tests/meshing/test_layout.py):
+# Chambers and gaps of small bodies are distinguished from touching ones (tests/meshing/test_layout.py):
 SAME_PLACE = 5e-4  # of the body's largest extent: surfaces this near coincide, 0.01 mm of 20 mm
 THIN = 0.02  # of it: a gap between facing surfaces that is narrower is no chamber, 0.4 mm of 20 mm
 FACING = -0.7  # cosine between normals of faces that look at each other

@@ -15,7 +15,7 @@ from gelforge.learning.models.model_file import Model
 from gelforge.learning.models.reliability import COVER, Intervals
 from gelforge.progress import tracked
 
-# A sensor of another gain is mended, and by no more than its presses tell (tests/learning/test_adaptation.py):
+# A sensor of another gain is corrected, and only as far as its presses determine it (tests/learning/test_adaptation.py):
 LEAST_PRESSES = 5
 BLOCK = 256  # rows in memory at a time (no result depends on it)
 GAIN_LIMITS = (0.2, 5.0)  # beyond them the sensor is not of the model's kind

@@ -15,7 +15,7 @@ from gelforge.materials.basis.statistics import row_noise
 from gelforge.materials.basis.stresses import neo_hookean_shape
 from gelforge.materials.plausibility.rest_force import rest_words
 
-# Preloads, offsets and toes are told apart from noise (tests/materials/test_curve_defects.py):
+# Preloads, offsets and toes are distinguished from noise (tests/materials/test_curve_defects.py):
 FEW_ROWS = 20  # below, the scatter of a fit rests on too few residuals
 STRAIN_AT_START = 0.005  # a first row further from rest than this was not taken at the start
 TOE_STRAIN = 0.005  # the stress extrapolates to zero this far from rest
