@@ -32,9 +32,9 @@ from sensors import ARTICLE, GELSIGHT
 from gelforge.config import Study, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.sensor.sensor_mesh import elements_through
 from gelforge.indentation.solving.companion import solve_companion
 from gelforge.indentation.solving.error_bars import Companion, error_bars
+from gelforge.indentation.solving.resolution import resolution_of
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_of
 from gelforge.progress import Progress, show
@@ -141,7 +141,7 @@ def of_half_size(study: Study) -> Study:
 def at_places(name: str, chosen: np.ndarray) -> list[dict[str, np.ndarray]]:
     """Return errors and bars of totals (D, 3) and of loaded bins (n, 3), place by place, with today's parts."""
     case, study = CASES[name], CASES[name].described()
-    bins, through = study.sensor.bins, elements_through(study.sensor, study.mechanics.mesh)
+    bins, laws = study.sensor.bins, laws_of(study, [])
     found = []
     for x, y in chosen:
         forces = solved(name, case, float(x), float(y))
@@ -150,7 +150,8 @@ def at_places(name: str, chosen: np.ndarray) -> list[dict[str, np.ndarray]]:
         no_slopes = np.empty((0, *forces["coarse_total"].shape)), np.empty((0, *forces["coarse_bins"].shape))
         companion = Companion(forces["coarse_total"], forces["coarse_bins"], *no_slopes)
         shape = bins.ny, bins.nx
-        bars = error_bars(forces["total"], forces["bins"], forces["touched"], shape, companion, through)
+        resolution = resolution_of(study.sensor, study.mechanics.mesh, laws, float(x), float(y))
+        bars = error_bars(forces["total"], forces["bins"], forces["touched"], shape, companion, resolution)
         loaded = np.maximum(np.abs(forces["bins"]), np.abs(forces["true_bins"])).max(axis=-1) > 0
         found.append(
             {

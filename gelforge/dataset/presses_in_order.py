@@ -27,9 +27,9 @@ from gelforge.files import atomic, digest
 from gelforge.hdf5 import writing
 from gelforge.indentation.cells.cell_file import Cell, check_finite, write_timings
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.sensor.sensor_mesh import elements_through
 from gelforge.indentation.solving.companion import solve_companion
 from gelforge.indentation.solving.error_bars import COARSER, Companion, error_bars
+from gelforge.indentation.solving.resolution import resolution_of
 from gelforge.indentation.solving.simulate import simulate_in_order
 from gelforge.mechanics.bodies.peak_grid import Box, PeakGrid
 from gelforge.mechanics.contact.forces import OPEN
@@ -118,8 +118,9 @@ def _press(
         companion, coarse_grid, reason = _companion(study, laws, uncertain, press, progress.grids["coarse"])
         shape = (study.sensor.bins.ny, study.sensor.bins.nx)
         touched = (cell.arrays["node_state"][-1:] != OPEN).sum(axis=1)
-        through = elements_through(study.sensor, study.mechanics.mesh)
-        bars = error_bars(total, bins, touched, shape, companion, through)
+        site = press.path.x_mm, press.path.y_mm
+        resolution = resolution_of(study.sensor, study.mechanics.mesh, laws, *site)
+        bars = error_bars(total, bins, touched, shape, companion, resolution)
         for row, which in enumerate(ROWS[1:], start=1):
             label[row] = np.concatenate([bars[f"total_{which}_N"], bars[f"bin_{which}_N"][0]])
         progress.grids["coarse"] = grid if reason else coarse_grid  # it lives on places, not on a mesh

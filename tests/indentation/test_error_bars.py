@@ -22,7 +22,9 @@ from gelforge.indentation.solving.error_bars import (
     PART_TOTALS,
     SHARE_BINS,
     SHARE_LAYERS,
+    SHARE_STIFF,
     SHARE_TOUCH,
+    SHARE_WALLS,
     Companion,
     error_bars,
     layer_totals,
@@ -30,6 +32,7 @@ from gelforge.indentation.solving.error_bars import (
     touch_totals,
 )
 from gelforge.indentation.solving.mirror import mirror_cell
+from gelforge.indentation.solving.resolution import Resolution, resolution_of
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.materials.fitting.law_file import MaterialLaw, moved_laws
 from gelforge.mechanics.laws.homogeneous import principal_stretches
@@ -55,7 +58,7 @@ def bars_of(bins, coarse, reached=None, slopes=0):
         rng.normal(size=(slopes, reached, B, 3)),
     )
     many = np.full(len(bins), 10**9)  # nodes in contact: no error of first touch
-    return error_bars(bins.sum(axis=1), bins, many, (10, 10), companion, THROUGH), companion
+    return error_bars(bins.sum(axis=1), bins, many, (10, 10), companion, Resolution(THROUGH)), companion
 
 
 @pytest.fixture
@@ -93,8 +96,51 @@ def test_few_nodes_in_contact_widen_the_bar_of_the_total():
 
 def test_half_as_many_elements_through_a_gel_widen_the_bar_of_the_total_fourfold():
     total = np.array([[0.1, 0.0, -1.0]])
-    assert_allclose(layer_totals(total, 3.0), 4 * layer_totals(total, 6.0), rtol=1e-12)
-    assert_allclose(layer_totals(total, 6.0), SHARE_LAYERS / 36 * np.abs(total), rtol=1e-12)
+    assert_allclose(
+        layer_totals(total, Resolution(3.0)), 4 * layer_totals(total, Resolution(6.0)), rtol=1e-12
+    )
+    assert_allclose(layer_totals(total, Resolution(6.0)), SHARE_LAYERS / 36 * np.abs(total), rtol=1e-12)
+
+
+def test_stiff_layers_and_walls_widen_the_bar_of_the_total_by_their_contrast():
+    total = np.array([[0.1, 0.0, -1.0]])
+    plain, stiff, walled = (
+        layer_totals(total, resolution)[0]
+        for resolution in (Resolution(6.0), Resolution(6.0, 0.5), Resolution(6.0, 0.5, 0.2))
+    )
+    assert_allclose(stiff[2] ** 2 - plain[2] ** 2, (0.5 * SHARE_STIFF / 6**5) ** 2, rtol=1e-9)
+    assert_allclose(np.sqrt(walled**2 - stiff**2), 0.5 * 0.2 * SHARE_WALLS, rtol=1e-9)
+    assert layer_totals(total, Resolution(1.5, 1.0))[0, 2] == pytest.approx(
+        np.hypot(1.0, SHARE_LAYERS / 1.5**2)
+    )
+
+
+def test_a_site_is_resolved_as_its_mirror_image_and_better_far_from_walls_and_among_equal_layers():
+    study = specimens.study()
+    sensor, mesh, laws = study.sensor, study.mechanics.mesh, specimens.STUDY_LAWS
+    near, mirrored, middle = (
+        resolution_of(sensor, mesh, laws, x, 9.0)
+        for x in (3.0, sensor.width_x_mm - 3.0, sensor.width_x_mm / 2)
+    )
+    assert near == mirrored and near.walls > middle.walls > 0 and 0 < near.contrast < 1
+    equal = dict.fromkeys(laws, specimens.GEL)
+    assert resolution_of(sensor, mesh, equal, 3.0, 9.0).contrast == 0
+    tetrahedra = mesh.model_copy(update={"elements": "tetrahedra"})
+    assert resolution_of(sensor, tetrahedra, laws, 3.0, 9.0).walls == 0
+
+
+def test_the_bar_of_a_stiff_skin_holds_what_elements_of_half_the_size_give():
+    """Without the share of stiff layers the error is several times the bar (benchmarks/stiff_layers.py)."""
+    planned = PlannedCell("x", 8.0, 8.0, (0.4, 0.8))
+
+    def study(factor):
+        sizes = {"near_mm": 0.45 * factor, "near_radius_mm": 2.0, "growth": 0.3, "far_mm": 1.8 * factor}
+        return specimens.study(mesh=sizes, contact={})
+
+    label = simulate_label(study(1.0), specimens.STUDY_LAWS, {}, planned).arrays
+    finer = simulate_cell(study(0.5), specimens.STUDY_LAWS, planned).arrays["total_force_N"]
+    error = np.abs(label["total_force_N"] - finer)[:, 2] / label["total_sigma_mesh_N"][:, 2]
+    assert (error < 2).all() and error.max() > 0.5
 
 
 def test_a_gel_of_few_elements_is_known_within_its_bar():
@@ -310,9 +356,11 @@ def test_a_released_press_has_finite_bars_and_does_not_spoil_the_others():
     coarse[3, 2] = -1e-5
     companion = Companion(coarse, np.zeros((4, 4, 3)), np.zeros((0, 4, 3)), np.zeros((0, 4, 4, 3)))
     touched = np.array([20, 60, 20, 0])
-    found = error_bars(total, np.zeros((4, 4, 3)), touched, (2, 2), companion, THROUGH)["total_sigma_mesh_N"]
+    found = error_bars(total, np.zeros((4, 4, 3)), touched, (2, 2), companion, Resolution(THROUGH))[
+        "total_sigma_mesh_N"
+    ]
     loaded = Companion(coarse[:3], np.zeros((3, 4, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3, 4, 3)))
-    alone = error_bars(total[:3], np.zeros((3, 4, 3)), touched[:3], (2, 2), loaded, THROUGH)[
+    alone = error_bars(total[:3], np.zeros((3, 4, 3)), touched[:3], (2, 2), loaded, Resolution(THROUGH))[
         "total_sigma_mesh_N"
     ]
     np.testing.assert_array_equal(found[:3], alone)

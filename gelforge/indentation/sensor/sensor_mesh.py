@@ -57,7 +57,7 @@ def sensor_mesh(
         For surfaces that bound no body or do not fit the description.
     """
     sizes = sizes_of(mesh)
-    if _by_hexahedra(sensor, mesh):
+    if by_hexahedra(sensor, mesh):
         return layered_block(_on_base(_block(sensor), base), x_mm, y_mm, sizes, touched)
     if base:
         raise ConfigError(
@@ -72,7 +72,8 @@ def sensor_mesh(
         raise ConfigError(f"sensor: {error}") from None
 
 
-def _by_hexahedra(sensor: Sensor, mesh: MeshSizes) -> bool:
+def by_hexahedra(sensor: Sensor, mesh: MeshSizes) -> bool:
+    """Return whether a sensor is meshed by hexahedra."""
     return sensor.shape.kind == "block" and mesh.elements != "tetrahedra"
 
 
@@ -91,7 +92,7 @@ def elements_through(sensor: Sensor, mesh: MeshSizes) -> float:
     float
         Not rounded.
     """
-    return sizes_of(mesh).through(sensor.height_mm) / (1 if _by_hexahedra(sensor, mesh) else 2)
+    return sizes_of(mesh).through(sensor.height_mm) / (1 if by_hexahedra(sensor, mesh) else 2)
 
 
 def sizes_of(mesh: MeshSizes) -> Sizes:

@@ -14,9 +14,9 @@ from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.planning.touching import untouched
-from gelforge.indentation.sensor.sensor_mesh import elements_through
 from gelforge.indentation.solving.error_bars import AMOUNT, COARSER, Companion, error_bars, laws_moved
 from gelforge.indentation.solving.model import model_of
+from gelforge.indentation.solving.resolution import resolution_of
 from gelforge.indentation.solving.sensitivities import sensitivities, variations_of, with_sensitivities
 from gelforge.indentation.solving.simulate import simulate_cell, solved_cell
 from gelforge.indentation.solving.site_contents import Solution
@@ -84,8 +84,8 @@ def simulate_label(
     )
     touched = (cell.arrays["node_state"] != OPEN).sum(axis=1)
     forces = cell.arrays["total_force_N"], cell.arrays["bin_force_N"]
-    through = elements_through(study.sensor, study.mechanics.mesh)
-    bars = error_bars(*forces, touched, (bins.ny, bins.nx), companion, through)
+    resolution = resolution_of(study.sensor, study.mechanics.mesh, laws, planned.x_mm, planned.y_mm)
+    bars = error_bars(*forces, touched, (bins.ny, bins.nx), companion, resolution)
     known = sorted(uncertain)
     attributes = {
         "companion_unknowns": unknowns,

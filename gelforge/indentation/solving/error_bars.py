@@ -10,6 +10,10 @@ a part of that difference stand a part of the bins' bars and two shares of the f
 resolve: an error in proportion to the square of element size over contact radius, hence to one over their number. The other
 is what few elements between contact and base cannot: an incompressible gel is squeezed aside in a parabola over its height,
 and linear elements miss a parabola by the square of size over height, hence by one over the square of their number.
+
+Linear hexahedra also bend too stiffly, which raises the force where one layer is stiffer than another. At the default sizes
+other errors cancel most of it, so that it falls with about the fifth power of their number. Walls that bend add a share that
+falls with the distance from them. benchmarks/stiff_layers.py found both parts on some places and checks them on others.
 benchmarks/error_bars.py found the parts on some places of three sensors and checks them on others (docs/accuracy.md).
 """
 
@@ -21,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from gelforge.indentation.solving.resolution import Resolution
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 # Parts found and checked by `python benchmarks/error_bars.py`:
@@ -31,7 +36,12 @@ SHARE_BINS = 0.007  # of the force of the bin itself
 LEAST_BINS = 5e-4  # of the largest bin
 PART_TOTALS = np.array([0.12, 0.12, 0.05])  # x, y, z: of the difference of totals
 SHARE_LAYERS = 0.15  # of a total, over the square of the number of elements through the sensor
-SHARE_TOUCH = 0.15  # of it, over the number of nodes in contact
+# By `python benchmarks/stiff_layers.py`. Powers of 4 and 6 are as likely or less so; 5 errs least where elements are few.
+SHARE_STIFF = 140.0  # of a total, over the fifth power of that number, times Resolution.contrast
+SHARE_WALLS = np.array(
+    [0.04, 0.04, 0.06]
+)  # x, y, z: of the vertical total, times contrast and Resolution.walls
+SHARE_TOUCH = 0.15  # of a total, over the number of nodes in contact
 PART_OF_BINS = 0.2  # of the bins' bars as if independent, on the total: what the near size errs by does not cancel in them
 CROSS_TOTALS = 0.02  # of the vertical difference, on horizontal totals: near a wall they lean on it
 AMOUNT = 0.05  # of a standard deviation, by which a law is moved: its effect is then still a straight line
@@ -55,7 +65,7 @@ def error_bars(
     touched: np.ndarray,
     shape: tuple[int, int],
     companion: Companion,
-    through: float,
+    resolution: Resolution,
 ) -> dict[str, np.ndarray]:
     """Return the error bars of a site's totals and bins: standard deviations by mesh and by material.
 
@@ -73,8 +83,8 @@ def error_bars(
         ny and nx of the grid of bins.
     companion : Companion
         The coarse-mesh solution.
-    through : float
-        Elements between contact and base (`elements_through`).
+    resolution : Resolution
+        How finely the mesh resolves gel, stiff layers and walls there.
 
     Returns
     -------
@@ -95,7 +105,7 @@ def error_bars(
             mesh_totals(total[:reached], companion.total) ** 2
             + uncancelled**2
             + touch_totals(total[:reached], touched[:reached]) ** 2
-            + layer_totals(total[:reached], through) ** 2
+            + layer_totals(total[:reached], resolution) ** 2
         ),
         "bin_sigma_material_N": np.sqrt((companion.bin_slopes**2).sum(axis=0)),
         "total_sigma_material_N": np.sqrt((companion.total_slopes**2).sum(axis=0)),
@@ -136,9 +146,12 @@ def touch_totals(total: np.ndarray, touched: np.ndarray) -> np.ndarray:
     return SHARE_TOUCH / np.maximum(touched, 1)[:, None] * np.abs(total)
 
 
-def layer_totals(total: np.ndarray, through: float) -> np.ndarray:
-    """Return the error bars (D, 3) [N] of totals by the number of elements between contact and base."""
-    return SHARE_LAYERS / through**2 * np.abs(total)
+def layer_totals(total: np.ndarray, resolution: Resolution) -> np.ndarray:
+    """Return the error bars (D, 3) [N] of totals by the elements through the gel, stiff layers and walls."""
+    stiff = min(1.0, SHARE_STIFF / resolution.through**5) * resolution.contrast
+    through = np.hypot(SHARE_LAYERS / resolution.through**2, stiff) * np.abs(total)
+    walls = SHARE_WALLS * resolution.contrast * resolution.walls * np.abs(total[:, 2:])
+    return np.hypot(through, walls)
 
 
 def laws_moved(

@@ -74,6 +74,14 @@ class Sizes:
         graded = min(height, (far - self.near) / self.growth)
         return float(np.log1p(self.growth * graded / self.near) / self.growth + (height - graded) / far)
 
+    def at_wall(self, wall: float) -> float:
+        """Return the size [mm] through a wall near the contact."""
+        return max(wall / self.wall_parts, self.near)
+
+    def through_wall(self, wall: float) -> float:
+        """Return how many sizes lie side by side through a wall [mm] near the contact."""
+        return wall / min(self.at_wall(wall), max(self.far, self.near))
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -248,9 +256,7 @@ def _too_large(block: Block, sizes: Sizes, touched: np.ndarray, *lines: np.ndarr
     large = size > 1.4 * (sizes.near + sizes.growth * distance)
     if block.wall and len(block.layers) > 1:
         # With one eight-node element through a wall that bends Fx 5 mm away is 6 % too small (docs/accuracy.md).
-        thin = max(block.wall / sizes.wall_parts, sizes.near) + sizes.growth * np.maximum(
-            radial - block.height, 0
-        )
+        thin = sizes.at_wall(block.wall) + sizes.growth * np.maximum(radial - block.height, 0)
         through_x, through_y = (
             np.where(_in_wall(m, width, block.wall), 2 * h, 0.0)
             for m, h, width in zip(mid, half, (block.width_x, block.width_y))

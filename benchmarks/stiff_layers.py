@@ -1,0 +1,181 @@
+"""Bars of totals on sensors with stiff skins and walls: six sensors, 16 places, four meshes, against half the default sizes.
+
+usage: python benchmarks/stiff_layers.py [--solve] [--sensors NAME ...]
+
+The shares of stiff layers and walls in gelforge/indentation/solving/error_bars.py have the largest likelihood on the places of
+CALIBRATION. The others judge them. Depths are four, evenly. The reference has the steps of the default mesh. Solutions are
+kept in results/stiff_layers and are read again: remove them after a change of the solver.
+--solve: solve what is missing, print no table. A place takes two CPU minutes on one thread, most of it the reference.
+
+Printed per sensor and mesh: root mean squares of error and bar [% of Fz], largest error over its bar, and how many 95 %
+intervals hold; sideways the same, next to walls alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from error_bars import WITHIN, of_half_size, rms
+from sensors import ARTICLE
+
+from gelforge.config import Mesh, Study, study_from
+from gelforge.config.basis.variants import merged
+from gelforge.config.studies.files import read_yaml
+from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving.companion import solve_companion
+from gelforge.indentation.solving.error_bars import Companion, error_bars
+from gelforge.indentation.solving.resolution import resolution_of
+from gelforge.indentation.solving.simulate import simulate_cell
+from gelforge.laws_of_study import laws_of
+from gelforge.progress import Progress, show
+
+KEPT = Path("results/stiff_layers")
+MESHES = {
+    "standard": Mesh(),
+    "wall_parts: 4": Mesh(wall_parts=4.0),
+    "fast": Mesh(quality="fast"),
+    "near 0.6, far 2.4": Mesh(near_mm=0.6, far_mm=2.4),
+}
+STIFF_SKIN = {"elastosil_25_1": {"parameters": {"mu_kPa": [340.0, -0.008], "alpha": [2.8991, -8.2915]}}}
+
+
+def layered(width_x: float, width_y: float, gel: float, skin: float, wall: float) -> dict:
+    """Return the article's sensor with other sizes [mm]."""
+    sensor = read_yaml(Path(ARTICLE["sensor"]))
+    layers = [layer | {"thickness_mm": thickness} for layer, thickness in zip(sensor["layers"], (gel, skin))]
+    return sensor | {"width_x_mm": width_x, "width_y_mm": width_y, "wall_mm": wall, "layers": layers}
+
+
+def ball(radius: float) -> dict:
+    """Return the change of the indenter [mm]."""
+    return {"indenter": {"kind": "sphere", "radius_mm": radius}}
+
+
+# study, deepest [mm], places [mm]
+SENSORS = {
+    "article": (
+        ARTICLE,
+        2.0,
+        [(5, 5), (7, 16), (4, 16), (11, 12), (16, 16), (6, 10), (8, 8), (5, 12), (9.3, 16.2)],
+    ),
+    "article, ball of 2.5 mm": (merged(ARTICLE, ball(2.5)), 1.0, [(16, 16)]),
+    "article, ball of 10 mm": (merged(ARTICLE, ball(10.0)), 1.5, [(16, 16)]),
+    "film of 0.3 mm": (
+        merged(ARTICLE, ball(4.0)) | {"sensor": layered(24.0, 24.0, 4.0, 0.3, 0.0)},
+        1.2,
+        [(12, 12)],
+    ),
+    "skin 40 times as stiff": (
+        merged(ARTICLE, {"materials": STIFF_SKIN}) | {"sensor": layered(28.0, 24.0, 4.0, 1.0, 2.0)},
+        1.5,
+        [(6, 6), (9, 12), (5, 12), (7.3, 9.1), (14, 12)],
+    ),
+    "gel of 7 mm": (
+        ARTICLE | {"sensor": layered(26.0, 26.0, 7.0, 1.0, 1.0)},
+        2.0,
+        [(6, 6), (8, 13), (13, 13)],
+    ),
+}
+CALIBRATION = {
+    "article": {(5, 5), (7, 16), (4, 16), (11, 12), (16, 16), (6, 10)},
+    "article, ball of 2.5 mm": {(16, 16)},
+    "film of 0.3 mm": {(12, 12)},
+    "skin 40 times as stiff": {(6, 6), (9, 12)},
+}
+
+
+def study_of(name: str, mesh: Mesh) -> Study:
+    """Return a sensor's study on a mesh."""
+    content, deepest, _ = SENSORS[name]
+    depths = [deepest * (k + 1) / 4 for k in range(4)]
+    study = study_from(
+        content | {"plan": {"grid": {"spacing_mm": 8.0, "margin_mm": 5.0}, "depths_mm": depths}}
+    )
+    return study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"mesh": mesh})})
+
+
+def solved(name: str, x: float, y: float, mesh: str | None) -> dict[str, np.ndarray]:
+    """Return forces of a place on a mesh and on its coarse mesh, or of the reference (None)."""
+    path = KEPT / f"{name}_{x:g}_{y:g}_{mesh or 'reference'}.npz".replace(" ", "_").replace(",", "").replace(
+        ":", ""
+    )
+    if not path.is_file():
+        study = study_of(name, MESHES[mesh]) if mesh else of_half_size(study_of(name, Mesh()))
+        laws, planned = laws_of(study, []), PlannedCell("place", x, y, tuple(study.plan.depths_mm))
+        cell = simulate_cell(study, laws, planned)
+        if not cell.converged:
+            raise SystemExit(f"{name} at ({x:g}, {y:g}) mm, {mesh}: {cell.attributes['reason']}")
+        found = {
+            "total": cell.arrays["total_force_N"],
+            "bins": cell.arrays["bin_force_N"],
+            "touched": (cell.arrays["node_state"] > 0).sum(axis=1),
+        }
+        if mesh:
+            companion, _, _ = solve_companion(study, laws, planned, {})
+            found |= {"coarse_total": companion.total, "coarse_bins": companion.bins}
+        KEPT.mkdir(parents=True, exist_ok=True)
+        np.savez(path, **found)
+    with np.load(path) as kept:
+        return dict(kept)
+
+
+def shares(name: str, x: float, y: float, mesh: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return errors and bars (D, 3) of totals over Fz of the reference."""
+    found, true = solved(name, x, y, mesh), solved(name, x, y, None)["total"]
+    study = study_of(name, MESHES[mesh])
+    coarse = found["coarse_total"], found["coarse_bins"]
+    companion = Companion(*coarse, *(np.empty((0, *values.shape)) for values in coarse))
+    resolution = resolution_of(study.sensor, study.mechanics.mesh, laws_of(study, []), x, y)
+    shape = study.sensor.bins.ny, study.sensor.bins.nx
+    bars = error_bars(found["total"], found["bins"], found["touched"], shape, companion, resolution)
+    size = np.abs(true[:, 2:])
+    return (found["total"] - true) / size, bars["total_sigma_mesh_N"] / size
+
+
+def row(name: str, mesh: str, places: list[tuple[float, float]]) -> dict[str, str]:
+    """Return a row of the table."""
+    pairs = [shares(name, x, y, mesh) for x, y in places]
+    error, bar = (np.concatenate(values) for values in zip(*pairs))
+    kind = "calibration" if set(places) <= CALIBRATION.get(name, set()) else "judged"
+    cells = {"sensor": name, "mesh": mesh, "places": f"{len(places)}, {kind}"}
+    for label, axes in (("Fz", [2]), ("Fx, Fy", [0, 1])):
+        e, s = error[:, axes], bar[:, axes]
+        cells |= {
+            f"{label}, rms error [%]": f"{100 * rms(e):.2f}",
+            f"{label}, rms sigma [%]": f"{100 * rms(s):.2f}",
+            f"{label}, largest error over sigma": f"{np.max(np.abs(e) / s):.1f}",
+            f"{label} holds [%]": f"{100 * np.mean(np.abs(e) <= WITHIN * s):.0f}",
+        }
+    return cells
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--sensors", nargs="+", choices=SENSORS, default=list(SENSORS), metavar="NAME")
+    parser.add_argument("--solve", action="store_true", help="solve what is missing, print no table")
+    options = parser.parse_args()
+    work = [(name, x, y) for name in options.sensors for x, y in SENSORS[name][2]]
+    show()
+    with Progress("places", len(work)) as progress:
+        for name, x, y in work:
+            for mesh in chain(MESHES, [None]):
+                solved(name, float(x), float(y), mesh)
+            progress.advance(note=name)
+    if options.solve:
+        return
+    rows = []
+    for name in options.sensors:
+        found = CALIBRATION.get(name, set())
+        groups = [p for p in SENSORS[name][2] if p in found], [p for p in SENSORS[name][2] if p not in found]
+        rows += [row(name, mesh, places) for places in groups if places for mesh in MESHES]
+    print(pd.DataFrame(rows).to_markdown(index=False, disable_numparse=True))
+
+
+if __name__ == "__main__":
+    main()
