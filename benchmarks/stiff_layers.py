@@ -2,9 +2,9 @@
 
 usage: python benchmarks/stiff_layers.py [--solve] [--sensors NAME ...]
 
-The shares of stiff layers and walls in gelforge/indentation/solving/error_bars.py have the largest likelihood on the places of
-CALIBRATION. The others judge them. Depths are four, evenly. The reference has the steps of the default mesh. Solutions are
-kept in results/stiff_layers and are read again: remove them after a change of the solver.
+The shares of stiff layers and walls in gelforge/indentation/solving/error_bars.py have the largest likelihood on the places
+of CALIBRATION. The others judge them. Depths are four, evenly. The reference has the steps of the default mesh. Solutions
+are kept in results/stiff_layers and are read again: remove them after a change of the solver.
 --solve: solve what is missing, print no table. A place takes two CPU minutes on one thread, most of it the reference.
 
 Printed per sensor and mesh: root mean squares of error and bar [% of Fz], largest error over its bar, and how many 95 %

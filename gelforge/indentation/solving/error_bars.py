@@ -14,7 +14,7 @@ and linear elements miss a parabola by the square of size over height, hence by 
 Linear hexahedra also bend too stiffly, which raises the force where one layer is stiffer than another. At the default sizes
 other errors cancel most of it, so that it falls with about the fifth power of their number. Walls that bend add a share that
 falls with the distance from them. benchmarks/stiff_layers.py found both parts on some places and checks them on others.
-benchmarks/error_bars.py found the parts on some places of three sensors and checks them on others (docs/accuracy.md).
+benchmarks/error_bars.py found the other parts on some places of three sensors and checks them on others (docs/accuracy.md).
 """
 
 from __future__ import annotations
