@@ -10,11 +10,10 @@ from scipy.stats import beta, binom
 
 from gelforge.recording.plausibility.findings import Finding, mostly
 from gelforge.recording.plausibility.indentations import scatter_N
+from gelforge.recording.plausibility.repeats import RAW
 
 if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
-
-RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
 
 # Clipped SYNTHETIC channels are found; coarse, noisy and quiet ones pass (tests/recording/test_saturation.py):
 CHANCE = 1e-6  # of so many readings, or indentations, at exactly the largest value of an honest channel

@@ -9,6 +9,7 @@ import pandas as pd
 
 from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
 from gelforge.recording.plausibility.findings import Finding
+from gelforge.recording.plausibility.repeats import RAW
 from gelforge.recording.plausibility.streams import ForceLog
 
 if TYPE_CHECKING:
@@ -183,7 +184,7 @@ def _rows_shifted(data: SessionData) -> list[Finding]:
     if presses < LEAST_INDENTATIONS:
         return []
     normal = int(np.abs(np.asarray(data.session.force.axes, float)[2]).argmax())
-    force = readings[["fx_raw_N", "fy_raw_N", "fz_raw_N"]].to_numpy()[:, normal]
+    force = readings[RAW].to_numpy()[:, normal]
     at = readings["time_s"].to_numpy()
     model = np.maximum(readings["depth_mm"].fillna(0.0).to_numpy(), 0.0) ** 1.5
     most = int(min(np.ceil(2 * len(readings) / presses), len(readings) // 3))
