@@ -50,9 +50,9 @@ notebooks: $(READY)
 # What is written from the code: the configuration's schema, and the pages of reference.
 generated: $(READY)
 	$(BIN)/python -c 'import json; from gelforge.config import schema; print(json.dumps(schema(), indent=2))' > config/schema.json
-	$(BIN)/python -m gelforge.mechanics.laws.table
-	$(BIN)/python -m gelforge.config.foreign.mapping_table
-	$(BIN)/python -m gelforge.mismatch.summary.effects_table
+	$(BIN)/python docs/models_table.py
+	$(BIN)/python docs/mapping_table.py
+	$(BIN)/python docs/effects_table.py
 	$(BIN)/python -m validation trust
 	$(BIN)/python docs/reference.py
 

@@ -117,10 +117,18 @@ def main() -> None:
                 rows.append(json.loads(run(command).splitlines()[-1]))
     print(pd.DataFrame(rows).to_markdown(index=False))
     if arguments.update:
-        from gelforge.cli.study.cost import MEASURED, write_costs
+        from gelforge.cli.study.cost import DEPTHS, MEASURED
+        from gelforge.files import write_text
 
         measured = [("solved", row["unknowns"], row["CPU [s]"]) for row in rows]
-        write_costs([*measured, ("mirrored", 0, mirrored_cell_seconds())], machine())
+        lines = [
+            f"# CPU seconds of a cell with {DEPTHS} depths on one thread, by `python benchmarks/cell_cost.py --update`",
+            f"# {machine()}",
+            "kind,degrees_of_freedom,cpu_s",
+            *(f"{kind},{size},{seconds:.2f}" for kind, size, seconds in measured),
+            f"mirrored,0,{mirrored_cell_seconds():.2f}",
+        ]
+        write_text(MEASURED, "\n".join(lines) + "\n")
         print(f"written to {MEASURED}")
 
 

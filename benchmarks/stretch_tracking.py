@@ -19,8 +19,8 @@ from synthetic_pictures.speckle import Camera, Speckle, TensileFilm
 
 from gelforge.materials.imaging.apex_shape import apex_shape
 from gelforge.materials.imaging.stretch_tracking import (
+    StretchTrack,
     TrackingSettings,
-    drawn_points,
     flow_at_points,
     read_grey,
     track_stretches,
@@ -40,6 +40,20 @@ CASES = {
 
 def per_cent(values: np.ndarray) -> str:
     return " / ".join(f"{100 * v:.3f}" for v in values)
+
+
+def drawn_points(frame: np.ndarray, track: StretchTrack, number: int) -> np.ndarray:
+    """Return a frame in colour with the points of the track on it, to be looked at; a lost frame has none."""
+    picture = cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR)
+    for x, y in track.grid_of_frame_px[number]:
+        if np.isfinite(x):
+            cv2.circle(picture, (round(16 * x), round(16 * y)), 24, (0, 200, 255), -1, cv2.LINE_AA, 4)
+    lam1, lam2 = track.stretch[number]
+    text = (
+        f"frame {number}: lam1 {lam1:.3f}, lam2 {lam2:.3f}" if np.isfinite(lam1) else f"frame {number}: lost"
+    )
+    cv2.putText(picture, text, (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (80, 255, 80), 1, cv2.LINE_AA)
+    return picture
 
 
 def tensile(seeds: int, frames: int, pictures: Path | None) -> pd.DataFrame:

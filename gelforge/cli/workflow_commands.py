@@ -43,7 +43,6 @@ COMMANDS = {
         "one cell of a study",
         CELL,
         LAWS,
-        arg("--mirrored", "cell that this one mirrors", Path, nargs="*", default=[], metavar="H5"),
         flag(
             "--between",
             "the cell is one of the sites between which labels are interpolated (plan.interpolation)",

@@ -7,7 +7,6 @@ converted here. An unknown or out-of-range key is refused with its full path, th
 from gelforge.config.basis.common import (
     NAME,
     ConfigError,
-    Fraction,
     Name,
     NonNegative,
     Positive,
@@ -15,18 +14,16 @@ from gelforge.config.basis.common import (
     given,
 )
 from gelforge.config.basis.variants import Variant
-from gelforge.config.parts.camera import Camera, Distortion, Port, Remap
+from gelforge.config.parts.camera import Camera, Distortion, Port
 from gelforge.config.parts.effects import Effects
-from gelforge.config.parts.learning import Dataset, Features, Learning
+from gelforge.config.parts.learning import Features, Learning
 from gelforge.config.parts.materials import LAW_NAMES, Fitting, LawParameters, Material
-from gelforge.config.parts.mechanics import Contact, Mechanics, Mesh, Solver
-from gelforge.config.parts.plan import Grid, Interpolation, Plan
-from gelforge.config.parts.sensor import Bins, Flange, Indenter, IndenterPart, Layer, Sensor, Shape
+from gelforge.config.parts.mechanics import Mechanics, Mesh
+from gelforge.config.parts.plan import Interpolation, Plan
+from gelforge.config.parts.sensor import Bins, Indenter, IndenterPart, Layer, Sensor, Shape
 from gelforge.config.sessions.session import DepthZero, ForceSensor, Session, StageToSensor
-from gelforge.config.sessions.synthesis import Synthesis
 from gelforge.config.sessions.virtual_lab import (
     PrintedDots,
-    VirtualForce,
     VirtualImaging,
     VirtualLab,
     VirtualParticles,
@@ -55,17 +52,12 @@ __all__ = [
     "Bins",
     "Camera",
     "ConfigError",
-    "Contact",
-    "Dataset",
     "DepthZero",
     "Distortion",
     "Effects",
     "Features",
     "Fitting",
-    "Flange",
     "ForceSensor",
-    "Fraction",
-    "Grid",
     "Indenter",
     "IndenterPart",
     "Interpolation",
@@ -84,17 +76,13 @@ __all__ = [
     "Port",
     "Positive",
     "PrintedDots",
-    "Remap",
     "Section",
     "Sensor",
     "Shape",
     "Session",
-    "Solver",
     "StageToSensor",
     "Study",
-    "Synthesis",
     "Variant",
-    "VirtualForce",
     "VirtualImaging",
     "VirtualLab",
     "VirtualParticles",

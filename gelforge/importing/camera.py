@@ -13,13 +13,14 @@ import numpy as np
 from gelforge.config import given
 from gelforge.config.foreign.importing import CameraSource
 from gelforge.csv_table import read_csv
-from gelforge.importing.message_images import decoded, message_images
+from gelforge.importing.message_images import message_images
 from gelforge.importing.messages import is_bag
 from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.streams import refuse_gaps, refuse_other_unit
 from gelforge.importing.time_stamps import stamps, units_of
 from gelforge.progress import Progress
-from gelforge.recording.imaging.frames import SUFFIXES, images_in
+from gelforge.recording.imaging.flow import grey
+from gelforge.recording.imaging.frames import SUFFIXES, decoded, images_in
 from gelforge.recording.imaging.images import refuse_turned
 from gelforge.units import UNITS, known_unit
 
@@ -109,7 +110,7 @@ def _read(file: Path) -> np.ndarray:
 
 def grey_image(file: Path) -> np.ndarray:
     """Return a written frame (H, W) in grey, for the page."""
-    return _grey(_read(file))
+    return grey(_read(file))
 
 
 def _frames(path: Path, topic: str | None) -> Iterator[tuple[str, float, np.ndarray]]:
@@ -131,28 +132,19 @@ def _frames(path: Path, topic: str | None) -> Iterator[tuple[str, float, np.ndar
         return
     if not path.is_file():
         raise ImportingError(f"{path}: no such video or folder; correct camera.video or camera.frames")
-    number = 0
-    for stamp, image in decoded(path):
-        yield f"{path.name}#{number}", stamp, image
-        number += 1
-    if not number:
+    count = 0
+    for count, (stamp, image) in enumerate(decoded(cv2.VideoCapture(str(path))), start=1):
+        yield f"{path.name}#{count - 1}", stamp, image
+    if not count:
         raise ImportingError(f"{path}: no frame can be decoded; is it a video? Convert it to MP4 or AVI")
 
 
-def _grey(image: np.ndarray) -> np.ndarray:
-    return (
-        image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
-    )
-
-
 def _small(image: np.ndarray) -> np.ndarray:
-    grey = _grey(image)
-    height = max(1, round(SMALL_PX * grey.shape[0] / grey.shape[1]))
-    small = (
-        cv2.resize(grey, (SMALL_PX, height), interpolation=cv2.INTER_AREA)
-        if grey.shape[1] > SMALL_PX
-        else grey
-    )
+    small = grey(image)
+    rows, columns = small.shape
+    if columns > SMALL_PX:
+        height = max(1, round(SMALL_PX * rows / columns))
+        small = cv2.resize(small, (SMALL_PX, height), interpolation=cv2.INTER_AREA)
     return small.astype(np.float32)
 
 

@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import f as f_law
 
+from gelforge.recording.plausibility.bends import thinned
+
 EXPONENTS = np.arange(0.8, 2.61, 0.1)
 
 # Intervals hold the contact points of SYNTHETIC logs, noisy and relaxing ones too (tests/importing/test_presses.py):
 PLACES = 81  # that are tried, then twice as many within the neighbourhood of the least
-MOST_SAMPLES = 200  # of a ramp; means of neighbours beyond
 SHARES = (1.0, 0.5, 0.25)  # of the depth that are fitted, in turn
 GOOD_MM = 0.01  # half an interval that is precise
 LEAST_MODEL_MM = 0.004  # encoders, and relaxation while loading
@@ -75,7 +76,7 @@ def contact_point(travel: np.ndarray, push: np.ndarray, first_guess_mm: float) -
 
 def _fit(travel, push, start, end, guess, depth) -> Contact | None:
     keep = (travel >= start) & (travel <= end)
-    s, f = _thinned(travel[keep], push[keep])
+    s, f = thinned(travel[keep]), thinned(push[keep])
     if len(s) < 8:
         return None
     places = np.linspace(max(guess - 0.5 * depth - 0.1, s.min()), min(guess + 0.2 * depth, s.max()), PLACES)
@@ -114,15 +115,6 @@ def _sums(s, f, places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         left[:, j] = centred @ centred - k**2 * xx
         rest[:, j], scale[:, j] = mean - k * x_mean, k
     return np.maximum(left, 1e-300), rest, scale
-
-
-def _thinned(s, f) -> tuple[np.ndarray, np.ndarray]:
-    """Return at most MOST_SAMPLES means of neighbours, so that a fast log costs no more."""
-    count = len(s) // MOST_SAMPLES + 1
-    if count == 1:
-        return s, f
-    full = len(s) // count * count
-    return s[:full].reshape(-1, count).mean(axis=1), f[:full].reshape(-1, count).mean(axis=1)
 
 
 def _inflation(noise: np.ndarray) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from gelforge.importing.messages import field, messages, seconds
 from gelforge.importing.refusals import ImportingError
+from gelforge.recording.imaging.frames import decoded
 
 # Of a pixel, by the encodings of sensor_msgs in ROS 2.
 CHANNELS = {"mono8": 1, "8UC1": 1, "rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "8UC4": 4}
@@ -73,19 +74,6 @@ def _image(path: Path, name: str, message: Any, form: str) -> np.ndarray:
     return cv2.cvtColor(np.ascontiguousarray(image), TO_BGR[encoding]) if encoding in TO_BGR else image
 
 
-def decoded(path: Path) -> Iterator[tuple[float, np.ndarray]]:
-    """Yield time in the container [s] and image of every frame of a video file."""
-    capture = cv2.VideoCapture(str(path))
-    try:
-        while True:
-            ok, image = capture.read()
-            if not ok:
-                return
-            yield capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, image
-    finally:
-        capture.release()
-
-
 def _video(
     path: Path, topic: str | None, suffix: str, first, rest
 ) -> Iterator[tuple[str, float, np.ndarray]]:
@@ -97,7 +85,7 @@ def _video(
             for received, message in chain([first], rest):
                 stamps.append(_stamp(message, received))
                 file.write(_bytes(message))
-        for _, image in decoded(stream):
+        for _, image in decoded(cv2.VideoCapture(str(stream))):
             if number < len(stamps):
                 yield f"{topic}#{number}", stamps[number], image
             number += 1

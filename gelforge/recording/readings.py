@@ -20,15 +20,14 @@ from gelforge.indentation.sensor.stage_frame import stage_to_sensor
 from gelforge.recording.imaging.images import check_images
 from gelforge.recording.plausibility.findings import Finding, Findings
 from gelforge.recording.plausibility.indentations import at_commanded_depth
+from gelforge.recording.plausibility.repeats import RAW
 from gelforge.recording.plausibility.session import SessionData, apply_findings, examine, refuse
-from gelforge.recording.plausibility.streams import ForceLog, check_ends, gap_findings, read_force_log
+from gelforge.recording.plausibility.streams import FORCE, ForceLog, check_ends, gap_findings, read_force_log
 from gelforge.recording.tables import checks
 from gelforge.recording.tables.checks import RecordingError
 from gelforge.recording.tables.join import cells_of_presses, path_steps
 
 AXES = ("x", "y", "z")
-FORCE = ["fx_N", "fy_N", "fz_N"]
-RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
 COLUMNS = [
     *("session", "press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm"),
     *("speed_mm_per_s", "dwell_s"),

@@ -123,7 +123,7 @@ def test_labels_of_a_session_are_those_of_its_age(tmp_path, monkeypatch):
     cells = study.results_folder / "cells"
     for session, where in ((None, cells), ("june", study.results_folder / "sessions/june/cells")):
         for cell in needed:
-            simulate("study.yaml", cell, law_files, [], None, session, where / f"{cell}.h5")
+            simulate("study.yaml", cell, law_files, None, session, where / f"{cell}.h5")
 
     features = {name: features_of(study, tmp_path, name, [("x1_y0", 0.5)]) for name in study.sessions}
     laws = read_laws(study)

@@ -4,11 +4,11 @@ import pytest
 import yaml
 from pydantic import TypeAdapter
 
-from gelforge.config.foreign.mapping_table import EXAMPLES, PAGE, keys, page
+from docs.mapping_table import EXAMPLES, PAGE, keys, page
 
 
 def test_the_page_is_that_of_the_sections():
-    assert PAGE.read_text(encoding="utf-8") == page(), "python -m gelforge.config.foreign.mapping_table"
+    assert PAGE.read_text(encoding="utf-8") == page(), "python docs/mapping_table.py"
     assert set(EXAMPLES) == {key for key, _ in keys()}
     assert all(field.description for _, field in keys())
 

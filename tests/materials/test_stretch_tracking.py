@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 from shared_data import SHARED, needs_shared
+from stretch_tracking import drawn_points
 from synthetic_pictures.membrane_views import MembraneFilm
 from synthetic_pictures.speckle import Camera, Speckle, TensileFilm
 
@@ -12,7 +13,6 @@ from gelforge.materials.imaging.plane_stretch import principal_stretches_2d
 from gelforge.materials.imaging.stretch_tracking import (
     TrackingError,
     TrackingSettings,
-    drawn_points,
     flow_at_points,
     read_grey,
     textured_window,

@@ -16,6 +16,7 @@ spec.loader.exec_module(models)
 import specimens  # noqa: E402
 import twins  # noqa: E402
 
+from docs.models_table import page  # noqa: E402
 from gelforge.config import LAW_NAMES, Fitting, Material  # noqa: E402
 from gelforge.materials.basis.common_form import MaterialTest  # noqa: E402
 from gelforge.materials.characterise import given_law  # noqa: E402
@@ -26,7 +27,6 @@ from gelforge.mechanics.bodies.body import Body  # noqa: E402
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, nominal_stress  # noqa: E402
 from gelforge.mechanics.laws.models.gent import Gent  # noqa: E402
 from gelforge.mechanics.laws.models.mooney_rivlin import MooneyRivlin  # noqa: E402
-from gelforge.mechanics.laws.table import page  # noqa: E402
 from gelforge.mechanics.linear.sparsity import build_pattern  # noqa: E402
 
 given = given_law("gel", Material(parameters={"law": "demiray", "mu_kPa": 20.0, "b": 0.3}).parameters)

@@ -6,15 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+from docs.models_table import PAGE, page
 from gelforge.mechanics.laws.models import MODELS
-from gelforge.mechanics.laws.table import PAGE, page
 
 HERE = Path(__file__).parent
 EXAMPLE = Path("docs/adding/examples/demiray.py")
 
 
 def test_file_and_models_agree():
-    assert PAGE.read_text(encoding="utf-8") == page(MODELS), "python -m gelforge.mechanics.laws.table"
+    assert PAGE.read_text(encoding="utf-8") == page(MODELS), "python docs/models_table.py"
 
 
 def test_the_guides_example_is_a_model(tmp_path):

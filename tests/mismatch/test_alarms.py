@@ -9,7 +9,7 @@ from artificial_problem import judged, problem_of
 from artificial_readings import draws_of
 
 from gelforge.mismatch.inference.posterior import chance_of_known, weighed
-from gelforge.mismatch.result.verdict import shown
+from gelforge.mismatch.result.scores import shown
 from gelforge.mismatch.thresholds import ALARM_P
 
 

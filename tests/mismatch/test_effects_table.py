@@ -9,7 +9,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 import gelforge.mismatch.effects as effects
-from gelforge.mismatch.summary.effects_table import PAGE, page, parameters
+from docs.effects_table import PAGE, page, parameters
 
 EXAMPLE = Path("docs/adding/examples/depth_scale.py")
 CATALOGUE = effects.CATALOGUE
@@ -17,7 +17,7 @@ CATALOGUE = effects.CATALOGUE
 
 def test_file_and_catalogue_agree():
     assert PAGE.read_text(encoding="utf-8") == page(CATALOGUE), (
-        "docs/effects.md is old: python -m gelforge.mismatch.summary.effects_table"
+        "docs/effects.md is old: python docs/effects_table.py"
     )
 
 

@@ -17,7 +17,7 @@ from gelforge.mismatch.inference.holdout import (
     selection_penalty_of,
     split,
 )
-from gelforge.mismatch.result.verdict import shown
+from gelforge.mismatch.result.scores import shown
 
 
 @pytest.fixture(scope="module")

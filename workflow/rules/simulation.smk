@@ -187,7 +187,7 @@ rule session_cell:
         source=source_digest("mechanics", "meshing", "indentation"),
     shell:
         "{ONE_THREAD:q} {GELFORGE:q} simulate --study {STUDY_FILE:q} --session {wildcards.session:q} --cell {wildcards.cell:q}"
-        " --laws {input.laws:q} --mirrored {input.mirrored:q} --out {output:q} &> {log:q}"
+        " --laws {input.laws:q} --out {output:q} &> {log:q}"
 
 
 rule session_presses:

@@ -25,7 +25,6 @@ def simulate(
     study: Path,
     cell: str,
     laws: list[Path],
-    mirrored: list[Path],
     variant: str | None,
     session: str | None,
     out: Path,
@@ -63,8 +62,8 @@ def simulate(
     read = study_laws(described, laws)
     by_material = {name: law.law for name, law in read.items()}
     if planned.source:
-        source = mirrored[0] if mirrored else cells / f"{planned.source}.h5"
-        solved, expected = read_cell(source), replace(planned_cell(described, planned.source), between="")
+        source, original = cells / f"{planned.source}.h5", planned_cell(described, planned.source)
+        solved, expected = read_cell(source), replace(original, between="")
         check_digest(source, expected.name, solved, inputs_digest(described, by_material, expected))
         result, how = mirror_cell(solved, described, by_material, planned), "mirrored"
         write_cell(out, result)

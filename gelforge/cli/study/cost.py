@@ -24,7 +24,6 @@ from gelforge.config import (
     variant_study,
 )
 from gelforge.dataset.schema import columns
-from gelforge.files import write_text
 from gelforge.indentation.planning.derived import derived_chunks
 from gelforge.progress import duration
 
@@ -356,17 +355,6 @@ def read_costs() -> pd.DataFrame:
     from gelforge.csv_table import read_csv
 
     return read_csv(MEASURED, numbers=("degrees_of_freedom", "cpu_s"), texts=("kind",))
-
-
-def write_costs(rows: list[tuple[str, int, float]], where: str) -> None:
-    """Write measured cells (kind, degrees of freedom, CPU seconds); where says on which machine, in words."""
-    lines = [
-        f"# CPU seconds of a cell with {DEPTHS} depths on one thread, by `python benchmarks/cell_cost.py --update`",
-        f"# {where}",
-        "kind,degrees_of_freedom,cpu_s",
-        *(f"{kind},{size},{seconds:.2f}" for kind, size, seconds in rows),
-    ]
-    write_text(MEASURED, "\n".join(lines) + "\n")
 
 
 def cell_seconds(measured: pd.DataFrame, unknowns: int) -> float:

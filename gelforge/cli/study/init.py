@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from gelforge.cli.study.mapping_template import example_mappings, mapping_files
-from gelforge.cli.study.new_study import new_study_files
+from gelforge.cli.study.new_study import mapping_files, new_study_files
 from gelforge.cli.study.shipped_sensors import sensor_files, study_of_sensor
 from gelforge.cli.study.working_folder import make_runnable, write_examples, write_shipped
 from gelforge.config import NAME, ConfigError
 from gelforge.files import write_text
+from gelforge.shipped import EXAMPLES
 
 MODULE = re.compile(
     r"^module \w+:", re.MULTILINE
@@ -29,7 +29,8 @@ def init(study: str, sensor: str | None) -> None:
     for path, text in files.items():
         write_text(path, text)
         print(path)
-    shipped = [*(sensor_files(sensor) if sensor else []), *example_mappings()]
+    mappings = sorted((EXAMPLES / "config/mappings").glob("*.yaml"))
+    shipped = [*(sensor_files(sensor) if sensor else []), *(path.relative_to(EXAMPLES) for path in mappings)]
     for path in [*write_shipped(shipped), *make_runnable(study)]:
         print(path)
     if sensor:

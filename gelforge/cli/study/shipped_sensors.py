@@ -9,7 +9,7 @@ from pathlib import Path
 from gelforge.api.studies import SMOKE
 from gelforge.api.studies import sensor as shipped_study
 from gelforge.api.studies import sensors as sensor_names
-from gelforge.cli.study.new_study import SESSION, logs_path, logs_text, session_path
+from gelforge.cli.study.new_study import session_files
 from gelforge.config import Study, load_study
 from gelforge.shipped import EXAMPLES
 
@@ -33,12 +33,8 @@ def study_of_sensor(study: str, sensor: str) -> dict[Path, str]:
     config = PLAN_KEY.sub("plan: # of recorded sessions: {from: sessions}", config)
     camera = EXAMPLES / CAMERAS / f"{sensor}.yaml"
     described = camera.read_text() if camera.is_file() else NO_CAMERA
-    indenter = shipped.indenter.words
-    return {
-        Path("config") / f"{study}.yaml": config,
-        session_path(study): SESSION.format(indenter=indenter, camera=described),
-        logs_path(study): logs_text(study, indenter, described),
-    }
+    session = session_files(study, shipped.indenter.words, described)
+    return {Path("config") / f"{study}.yaml": config, **session}
 
 
 def sensors(name: str | None, out: Path | None) -> None:

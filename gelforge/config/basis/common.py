@@ -7,7 +7,7 @@ from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator
 
-from gelforge.section import Fraction, NonNegative, Positive, Section
+from gelforge.section import Fraction, NonNegative, Positive, Section, Share
 
 __all__ = [
     "NAME",
@@ -17,6 +17,7 @@ __all__ = [
     "NonNegative",
     "Positive",
     "Section",
+    "Share",
     "given",
 ]
 NAME = re.compile(r"[A-Za-z0-9_-]+")

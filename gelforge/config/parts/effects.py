@@ -11,12 +11,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import ConfigError, Fraction, Name, NonNegative, Positive, Section
+from gelforge.config.basis.common import ConfigError, Fraction, Name, NonNegative, Positive, Section, Share
 from gelforge.config.parts.sensor import Sensor
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
-Share = Annotated[float, Field(ge=0, le=1)]
 PoissonsRatio = Annotated[float, Field(gt=0, lt=0.5)]
 
 

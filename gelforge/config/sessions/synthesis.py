@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from gelforge.config.basis.common import NonNegative, Section
+from gelforge.config.basis.common import NonNegative, Section, Share
 from gelforge.config.parts.camera import Camera
 from gelforge.config.sessions.virtual_lab import VirtualImaging, VirtualParticles
 
@@ -19,7 +19,6 @@ def _increasing(given: list[float]) -> list[float]:
 
 
 Range = Annotated[list[NonNegative], AfterValidator(_increasing)]
-Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class DrawnShapes(Section):

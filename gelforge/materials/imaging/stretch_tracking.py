@@ -157,20 +157,6 @@ def textured_window(
     return x + (width - 1 - w) / 2, y + (height - 1 - h) / 2, w, h
 
 
-def drawn_points(frame: np.ndarray, track: StretchTrack, number: int) -> np.ndarray:
-    """Return a frame in colour with the points of the track on it, to be looked at; a lost frame has none."""
-    picture = cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR)
-    for x, y in track.grid_of_frame_px[number]:
-        if np.isfinite(x):
-            cv2.circle(picture, (round(16 * x), round(16 * y)), 24, (0, 200, 255), -1, cv2.LINE_AA, 4)
-    lam1, lam2 = track.stretch[number]
-    text = (
-        f"frame {number}: lam1 {lam1:.3f}, lam2 {lam2:.3f}" if np.isfinite(lam1) else f"frame {number}: lost"
-    )
-    cv2.putText(picture, text, (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (80, 255, 80), 1, cv2.LINE_AA)
-    return picture
-
-
 @dataclass(frozen=True)
 class _KeyFrame:
     number: int

@@ -21,7 +21,7 @@ from gelforge.mismatch.evidence.kernels import Kernel, Module, log_priors
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.refit import Refitted
 from gelforge.mismatch.inference.holdout import Blocks, Prediction, held_out_of
-from gelforge.mismatch.result.verdict import HeldOut
+from gelforge.mismatch.result.scores import HeldOut
 from gelforge.mismatch.thresholds import SCALES, SURE, TEMPERING
 
 

@@ -14,7 +14,7 @@ from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.refit import Refitted
 from gelforge.mismatch.evidence.screen import Screened, judged_under
 from gelforge.mismatch.inference.posterior import Posterior
-from gelforge.mismatch.result.verdict import HeldOut, score
+from gelforge.mismatch.result.scores import HeldOut, score
 from gelforge.mismatch.thresholds import FEW_SITES, HELD_OUT
 
 

@@ -30,7 +30,8 @@ from gelforge.mismatch.inference.fits import (
 from gelforge.mismatch.inference.holdout import Blocks, Proof, after_penalty, folds_of, proof_of, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior, chance_of_known, posterior_of
 from gelforge.mismatch.inference.scan import ResidualTests, residual_tests
-from gelforge.mismatch.result.verdict import Group, HeldOut
+from gelforge.mismatch.result.scores import HeldOut
+from gelforge.mismatch.result.verdict import Group
 from gelforge.mismatch.thresholds import (
     ALARM_P,
     DETECTED_SNR,

@@ -2,36 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-import numpy as np
-import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
 from gelforge.config import Name, NonNegative, Positive, Section
 from gelforge.files import read_product_json, write_product_json
 from gelforge.mismatch.model.effect import FAMILIES
 from gelforge.mismatch.readings.observations import SetAside
-from gelforge.mismatch.thresholds import (
-    ADEQUATE_P,
-    DECISIVE,
-    HELD_OUT_ERRORS,
-    HELD_OUT_ODDS,
-    LEFT_P,
-    SAME_READINGS_SNR,
-    SURE,
-)
+from gelforge.mismatch.result.scores import HeldOut, Score, ThreeAxes
+from gelforge.mismatch.thresholds import ADEQUATE_P, DECISIVE, LEFT_P, SAME_READINGS_SNR, SURE
 
 FORMAT: Final = "gelforge-verdict-4"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
 State = Literal["consistent", "identified", "ambiguous", "inconclusive", "unexplained"]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Interval = tuple[float, float]
-ThreeAxes = Annotated[list[float | None], Field(min_length=3, max_length=3)]
 
 
 class VerdictError(ValueError):
@@ -126,48 +115,6 @@ class Group(Section):
     def one_patch(self) -> bool:
         """Return whether it does not matter which effect of the set is put into the study: all predict the same."""
         return self.differs_snr is not None and self.differs_snr < SAME_READINGS_SNR
-
-
-class Score(Section):
-    """How well predictions meet readings."""
-
-    readings: int = Field(ge=0, description="Readings times axes that were compared [-]")
-    rmse_N: ThreeAxes = Field(description="Root mean square of measured minus predicted, x, y, z [N]")
-
-
-def by_axis(labels: pd.DataFrame, values: np.ndarray) -> list[float | None]:
-    """Return the root mean square of entries (n,) with these labels, by axis x, y, z; None of an axis without any."""
-    own = [values[labels["axis"] == k] for k in range(3)]
-    return [float(np.sqrt(np.mean(one**2))) if len(one) else None for one in own]
-
-
-def score(labels: pd.DataFrame, left: np.ndarray, mask: np.ndarray | None = None) -> Score:
-    """Return how well a prediction that leaves (n,) [N] meets entries with these labels: all, or some (n,) bool."""
-    mask = np.ones(len(left), bool) if mask is None else mask
-    return Score(readings=int(mask.sum()), rmse_N=by_axis(labels[mask], left[mask]))
-
-
-def shown(gain: float, standard_error: float) -> bool:
-    """Return whether a gain in log score of what was held out, with its standard error, is more than chance."""
-    return gain > min(HELD_OUT_ERRORS * standard_error, math.log(HELD_OUT_ODDS))
-
-
-class HeldOut(Section):
-    """Readings held out, of one block or of all together: predicted by values that follow the others."""
-
-    block: str = Field(description="positions, deepest, a channel, or all")
-    before: Score = Field(description="Of the nominal model")
-    after: Score = Field(description="With the effect in it")
-    gain: float = Field(description="Log score after minus before [-]")
-    standard_error: NonNegative = Field(description="Of the gain [-]")
-    selection_penalty: float = Field(
-        0.0, le=0, description="Of the gain, as these readings helped to choose the answer [-]"
-    )
-
-    @property
-    def shown(self) -> bool:
-        """Return whether the gain is more than chance."""
-        return shown(self.gain + self.selection_penalty, self.standard_error)
 
 
 class Flow(Section):

@@ -19,6 +19,7 @@ from gelforge.mismatch.inference.judge import Answer, Judgement
 from gelforge.mismatch.inference.scan import ResidualTests
 from gelforge.mismatch.model.effect import Parameter
 from gelforge.mismatch.result import verdict as form
+from gelforge.mismatch.result.scores import by_axis, score
 from gelforge.mismatch.summary.sections import model_section
 from gelforge.mismatch.summary.words import sentence_of, shortcomings
 from gelforge.mismatch.thresholds import ALARM_P, NEGLIGIBLE
@@ -249,8 +250,8 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     elif answer is not None and answer.proof is not None:
         held, *blocks = answer.proof.held
     return form.Fit(
-        before=form.score(problem.in_newtons.labels, problem.in_newtons.residual),
-        after=None if rest is None else form.score(problem.in_newtons.labels, rest),
+        before=score(problem.in_newtons.labels, problem.in_newtons.residual),
+        after=None if rest is None else score(problem.in_newtons.labels, rest),
         held_out=held,
         held_out_blocks=[*blocks, *(() if answer is None else answer.folds)],
     )
@@ -277,12 +278,12 @@ def _noise(problem: Problem) -> form.Noise:
     observations, labels = problem.observations, problem.labels
     floor, laws = _shared_errors(problem.covariance)
     return form.Noise(
-        stated_N=form.by_axis(labels, observations.flat(observations.noise_N)),
-        zero_N=form.by_axis(labels, observations.flat(observations.zero_N)),
+        stated_N=by_axis(labels, observations.flat(observations.noise_N)),
+        zero_N=by_axis(labels, observations.flat(observations.zero_N)),
         press_depth_mm=float(np.sqrt(np.mean(observations.press_depth_mm**2))),
         session_depth_mm=float(np.sqrt(np.mean(observations.session_depth_mm**2))),
-        floor_N=form.by_axis(labels, floor),
-        law_N=form.by_axis(labels, laws),
+        floor_N=by_axis(labels, floor),
+        law_N=by_axis(labels, laws),
     )
 
 

@@ -122,16 +122,21 @@ def _opened(source: str | int, label: str) -> cv2.VideoCapture:
 
 
 def _video_frames(capture: cv2.VideoCapture, path: Path) -> Iterator[Frame]:
+    count = 0
+    for count, (stamp, image) in enumerate(decoded(capture), start=1):
+        yield Frame(f"{path.name}#{count - 1}", stamp, grey(image))
+    if not count:
+        raise ImageError(f"{path}: the video has no frame that can be decoded; convert it (MJPG, H.264)")
+
+
+def decoded(capture: cv2.VideoCapture) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield time in the container [s] and image of every frame of a video that is open, and close it."""
     try:
-        index = 0
         while True:
             ok, image = capture.read()
             if not ok:
-                break
-            yield Frame(f"{path.name}#{index}", capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, grey(image))
-            index += 1
-        if index == 0:
-            raise ImageError(f"{path}: the video has no frame that can be decoded; convert it (MJPG, H.264)")
+                return
+            yield capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, image
     finally:
         capture.release()
 

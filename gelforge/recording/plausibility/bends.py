@@ -8,7 +8,7 @@ import numpy as np
 BEND_S, BEND_STEP_S = 0.08, 0.002  # around a coarse lag, in which a bend is looked for
 LEAST_SAMPLES = 4  # on each side
 RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
-MOST_SAMPLES = 200  # of a bend's window: a faster log is averaged over neighbours
+MOST_SAMPLES = 200  # of a bend's window or a ramp: a faster log is averaged over neighbours
 
 
 def bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, float] | None:
@@ -17,10 +17,13 @@ def bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, fl
     time, value = signal_s[a:b] - at - lag, signal[a:b]
     if min((time < 0).sum(), (time > 0).sum()) < LEAST_SAMPLES:
         return None
-    count = len(time) // MOST_SAMPLES + 1
-    full = len(time) // count * count
-    time, value = (samples[:full].reshape(-1, count).mean(axis=1) for samples in (time, value))
-    return bend_time(time, value, side, lag)
+    return bend_time(thinned(time), thinned(value), side, lag)
+
+
+def thinned(samples: np.ndarray) -> np.ndarray:
+    """Return at most MOST_SAMPLES means of neighbours, so that a fast log costs no more."""
+    count = len(samples) // MOST_SAMPLES + 1
+    return samples[: len(samples) // count * count].reshape(-1, count).mean(axis=1)
 
 
 def bend_time(time, value, side, lag) -> tuple[float, float] | None:

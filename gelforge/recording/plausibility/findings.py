@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -53,6 +54,10 @@ class Finding:
     def __post_init__(self):
         if self.level == "excluded" and (self.channel not in ("force", "image") or not self.rows):
             raise ValueError(f"{self.test}: an exclusion takes rows out of the channel `force` or `image`")
+
+
+# rows of an indentation lose their force
+force_left_out = partial(Finding, level="excluded", channel="force", unit="N")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.plausibility.findings import Finding, force_left_out, mostly
 from gelforge.recording.plausibility.indentations import force_over_depth, isolated_floors
 from gelforge.recording.plausibility.streams import FORCE
 
@@ -93,15 +93,12 @@ def steps_before_touch(data: SessionData) -> list[Finding]:
         press, axis = str(spread.index[k]), int((spread.to_numpy()[k] / limit[k]).argmax())
         at = readings.index[readings["press"] == press]
         findings.append(
-            Finding(
+            force_left_out(
                 test="force_before_touch",
-                level="excluded",
-                channel="force",
                 press=press,
                 time_s=float(readings.at[at[0], "time_s"]),
                 value=float(spread.iloc[k, axis]),
                 limit=float(limit[k, axis]),
-                unit="N",
                 found=f"changes by {spread.iloc[k, axis]:.3g} N ({AXES[axis]}) before contact",
                 remedy="record zero rows clear of the surface and at rest",
                 rows=tuple(at),
@@ -130,10 +127,8 @@ def force_repeats(data: SessionData) -> list[Finding]:
         first = rows.index[0]
         names = ", ".join(dict.fromkeys(channels[first]))
         findings.append(
-            Finding(
+            force_left_out(
                 test="force_repeats",
-                level="excluded",
-                channel="force",
                 press=str(press),
                 time_s=float(rows.at[first, "time_s"]),
                 value=float(len(rows)),
@@ -171,15 +166,12 @@ def force_answers(data: SessionData) -> list[Finding]:
     never = np.isnan(shallowest) & (every["depth_mm"].to_numpy() >= 0.5 * every["depth_mm"].max())
     wrong = silent & (proved | never) & (least > SILENT_FLOORS * floor)
     findings = [
-        Finding(
+        force_left_out(
             test="force_answers",
-            level="excluded",
-            channel="force",
             press=str(press),
             time_s=row.time_s,
             value=abs(row.push_N),
             limit=float(limit),
-            unit="N",
             found=f"is {row.push_N:.3g} N at {row.depth_mm:g} mm, where {usual.at(row.depth_mm):.3g} N is usual",
             remedy="check sensor and indenter, and record these indentations again",
             rows=tuple(data.readings.index[data.readings["press"] == press]),
@@ -248,15 +240,12 @@ def _fallen(data: SessionData, site: pd.DataFrame, usual, off: float, least: flo
         against = int(np.flatnonzero(fallen[k] | fallen[:, k])[0])
         press = site.index[k]
         findings.append(
-            Finding(
+            force_left_out(
                 test="force_grows",
-                level="excluded",
-                channel="force",
                 press=str(press),
                 time_s=float(site["time_s"].iloc[k]),
                 value=float(push[k]),
                 limit=float(least_push[k, against]),
-                unit="N",
                 found=(
                     f"does not grow with depth: {push[k]:.3g} N at {depth[k]:g} mm, {push[against]:.3g} N at"
                     f" {depth[against]:g} mm of the same site (indentation {site.index[against]})"

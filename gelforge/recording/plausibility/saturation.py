@@ -8,13 +8,12 @@ import numpy as np
 import pandas as pd
 from scipy.stats import beta, binom
 
-from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.plausibility.findings import Finding, force_left_out, mostly
 from gelforge.recording.plausibility.indentations import scatter_N
+from gelforge.recording.plausibility.repeats import RAW
 
 if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
-
-RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
 
 # Clipped SYNTHETIC channels are found; coarse, noisy and quiet ones pass (tests/recording/test_saturation.py):
 CHANCE = 1e-6  # of so many readings, or indentations, at exactly the largest value of an honest channel
@@ -140,15 +139,12 @@ def _findings(held, axis: str, extreme: float, top: np.ndarray) -> list[Finding]
     at = set(zip(reached["press"], reached["depth_mm"]))
     clipped = held[[pair in at for pair in zip(held["press"], held["depth_mm"])]]
     return [
-        Finding(
+        force_left_out(
             test="force_saturates",
-            level="excluded",
-            channel="force",
             press=str(press),
             time_s=float(rows["time_s"].iloc[0]),
             value=abs(float(extreme)),
             limit=abs(float(extreme)),
-            unit="N",
             found=f"({axis}) stays at {extreme:.6g} N to the last digit and never exceeds it, as a saturated sensor does",
             remedy="use a larger range of the force sensor (force.range_N), or press less deep",
             rows=tuple(rows.index),

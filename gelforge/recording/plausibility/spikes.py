@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.indentation.paths.places import DEPTH_MATCH_MM
-from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.plausibility.findings import Finding, force_left_out, mostly
 from gelforge.recording.plausibility.indentations import isolated_floors
 from gelforge.recording.plausibility.streams import FORCE
 
@@ -89,15 +89,12 @@ def _largest_of_others(push: np.ndarray) -> np.ndarray:
 def _finding(rows: pd.DataFrame, row: int, axis: int, beyond: float, limit: float) -> Finding:
     name, at, forces = FORCE[axis], rows.iloc[row], rows[FORCE[axis]].to_numpy()
     after = forces[row + 1] if row + 1 < len(rows) else 0.0
-    return Finding(
+    return force_left_out(
         test="force_spikes",
-        level="excluded",
-        channel="force",
         press=str(at["press"]),
         time_s=float(at["time_s"]),
         value=float(beyond),
         limit=float(limit),
-        unit="N",
         found=(
             f"is {forces[row]:.3g} N ({name.removesuffix('_N')}) in phase {at['phase']} at {at['depth_mm']:g} mm, outside"
             f" the {forces[row - 1]:.3g} and {after:.3g} N before and after it"

@@ -10,7 +10,7 @@ import pandas as pd
 
 from gelforge.config import Session
 from gelforge.csv_table import read_csv
-from gelforge.recording.plausibility.findings import Finding, mostly
+from gelforge.recording.plausibility.findings import Finding, force_left_out, mostly
 from gelforge.recording.tables.checks import RecordingError
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
@@ -133,10 +133,8 @@ def gap_findings(table: pd.DataFrame, raw: np.ndarray, log: ForceLog, session: S
         blind = not session.force.tared and rows.loc[rows["zero"], "lost"].all()
         first = rows.index[rows["lost"].argmax()]
         findings.append(
-            Finding(
+            force_left_out(
                 test="gap",
-                level="excluded",
-                channel="force",
                 press=str(press),
                 time_s=float(table.at[first, "time_s"]),
                 value=float(rows.at[first, "gap"]),

@@ -9,6 +9,7 @@ import pandas as pd
 
 from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
 from gelforge.recording.plausibility.findings import Finding
+from gelforge.recording.plausibility.repeats import RAW
 from gelforge.recording.plausibility.streams import ForceLog
 
 if TYPE_CHECKING:
@@ -95,8 +96,7 @@ def _known_depths(readings: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.nd
     chosen = names[np.unique(np.linspace(0, len(names) - 1, min(len(names), MOST_INDENTATIONS)).astype(int))]
     parts = []
     for number, (_, rows) in enumerate(readings[readings["press"].isin(chosen)].groupby("press", sort=False)):
-        held = rows[rows["phase"].isin(["load", "dwell"])]
-        deepest = held[held["depth_mm"] >= held["depth_mm"].max() - 1e-9]
+        deepest = _at_depth(rows)
         zero = rows[rows["phase"] == "zero"]
         for part, depth in ((zero, 0.0), (deepest, float(deepest["depth_mm"].iloc[0]))):
             if len(part):
@@ -105,6 +105,12 @@ def _known_depths(readings: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.nd
                 parts.append((time, np.full(len(time), depth), np.full(len(time), number)))
     at, depths, numbers = (np.concatenate(values) for values in zip(*parts))
     return at, depths, numbers
+
+
+def _at_depth(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the load and dwell rows of an indentation at its deepest."""
+    held = rows[rows["phase"].isin(["load", "dwell"])]
+    return held[held["depth_mm"] >= held["depth_mm"].max() - 1e-9]
 
 
 def _unexplained(force: np.ndarray, model: np.ndarray, at: np.ndarray) -> float:
@@ -134,8 +140,7 @@ def _rise_s(
     """
     rises = []
     for _, rows in readings.groupby("press", sort=False):
-        held = rows[rows["phase"].isin(["load", "dwell"])]
-        waits = held.loc[held["depth_mm"] >= held["depth_mm"].max() - 1e-9, "time_s"].to_numpy() + lag_s
+        waits = _at_depth(rows)["time_s"].to_numpy() + lag_s
         zero = rows.loc[rows["phase"] == "zero", "time_s"].to_numpy() + lag_s
         if len(waits) < 2 or not len(zero):
             continue
@@ -154,8 +159,7 @@ def _to_a_sample(readings: pd.DataFrame, log: ForceLog, axis: int, lag_s: float)
     """
     lags = []
     for _, rows in readings.groupby("press", sort=False):
-        held = rows[rows["phase"].isin(["load", "dwell"])]
-        held = held[held["depth_mm"] >= held["depth_mm"].max() - 1e-9]
+        held = _at_depth(rows)
         dwell, speed = float(held["dwell_s"].iloc[0]), float(held["speed_mm_per_s"].iloc[0])
         if np.isnan(dwell):
             continue
@@ -183,7 +187,7 @@ def _rows_shifted(data: SessionData) -> list[Finding]:
     if presses < LEAST_INDENTATIONS:
         return []
     normal = int(np.abs(np.asarray(data.session.force.axes, float)[2]).argmax())
-    force = readings[["fx_raw_N", "fy_raw_N", "fz_raw_N"]].to_numpy()[:, normal]
+    force = readings[RAW].to_numpy()[:, normal]
     at = readings["time_s"].to_numpy()
     model = np.maximum(readings["depth_mm"].fillna(0.0).to_numpy(), 0.0) ** 1.5
     most = int(min(np.ceil(2 * len(readings) / presses), len(readings) // 3))

@@ -35,7 +35,6 @@ INK = "#222222"
 FAINT = "#B5B5B5"
 ALLOWED = "#E6E6E6"  # band of the errors that are allowed for
 
-# How much a figure shows: what stays legible on a page of some 10 inches (judgement; no result depends on it):
 # How much a figure shows: what stays legible on a page of some 10 inches (judgement; no result depends on it).
 BAND_SIGMAS = 2  # of every band, to each side: 95 % of a normal distribution
 MOST_POINTS = 6000  # of a curve or a cloud: more make the file large and show nothing more
@@ -104,7 +103,7 @@ def data_uri(figure: Figure) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(svg(figure).encode()).decode()
 
 
-def surface_axes(ax: Axes, width_x_mm: float, width_y_mm: float, labels: bool = True) -> None:
+def surface_axes(ax: Axes, width_x_mm: float, width_y_mm: float) -> None:
     """Frame an axes as the sensor's top surface seen from above [mm], with equal scales."""
     ax.set(
         aspect="equal",
@@ -115,5 +114,3 @@ def surface_axes(ax: Axes, width_x_mm: float, width_y_mm: float, labels: bool = 
     )
     for side in ("top", "right"):
         ax.spines[side].set_visible(True)
-    if labels:
-        ax.set(xlabel="x [mm]", ylabel="y [mm]")

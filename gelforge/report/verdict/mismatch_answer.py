@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from math import exp, log
 
-from gelforge.mismatch.result.verdict import Experiment, Group, HeldOut, Model, Score, Verdict
+from gelforge.mismatch.result.scores import HeldOut, Score
+from gelforge.mismatch.result.verdict import Experiment, Group, Model, Verdict
 from gelforge.mismatch.thresholds import HELD_OUT_ODDS
 from gelforge.progress import duration
 from gelforge.report.chapters.chapter import Chapter, Facts

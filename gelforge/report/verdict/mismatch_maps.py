@@ -58,7 +58,7 @@ def draw_residual_map(
     side, at = square_mm(sites, sensor.width_x_mm), sites[["x_mm", "y_mm"]].to_numpy(float)
     values, framed = sites[column].to_numpy(), sites["held_out"].to_numpy(bool)
     shown = draw_squares(ax, at, (side, side), values, (SIGNED, -limit, limit), framed)
-    surface_axes(ax, sensor.width_x_mm, sensor.width_y_mm, labels=False)
+    surface_axes(ax, sensor.width_x_mm, sensor.width_y_mm)
     for where in results.verdict.where:
         _circle(ax, where)
     return shown
@@ -131,7 +131,7 @@ def body_map_figure(results: MismatchResults) -> Figure:
         shown = draw_squares(ax, at, spacing(at), 100 * level["change"].to_numpy(), scale, known)
         shown.set_alpha(np.where(known, 1.0, 0.4).tolist())
         if sensor:
-            surface_axes(ax, sensor.width_x_mm, sensor.width_y_mm, labels=False)
+            surface_axes(ax, sensor.width_x_mm, sensor.width_y_mm)
         for where in results.verdict.where:
             _circle(ax, where)
         layer = next((one.name for one in layers if one.z_mm[0] <= z <= one.z_mm[1]), "body")

@@ -19,7 +19,7 @@ def draw_force_map(ax: Axes, bin_force, nx: int, ny: int, widths_mm: tuple[float
     mesh = ax.pcolormesh(
         x, y, np.asarray(bin_force).reshape(ny, nx), cmap=SIGNED, vmin=-limit, vmax=limit, rasterized=True
     )
-    surface_axes(ax, *widths_mm, labels=False)
+    surface_axes(ax, *widths_mm)
     return mesh
 
 

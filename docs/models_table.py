@@ -1,17 +1,15 @@
-"""The constitutive models as docs/constitutive-models.md: `python -m gelforge.mechanics.laws.table` writes it anew."""
-
-from __future__ import annotations
+"""The constitutive models as docs/constitutive-models.md: `python docs/models_table.py` writes it anew."""
 
 from pathlib import Path
 
 from gelforge.mechanics.laws.model import Model
 from gelforge.mechanics.laws.models import MODELS
 
-PAGE = Path(__file__).parents[3] / "docs" / "constitutive-models.md"
+PAGE = Path(__file__).parent / "constitutive-models.md"
 HEAD = """\
 # Constitutive models
 
-Written by `python -m gelforge.mechanics.laws.table` from `gelforge/mechanics/laws/models/`, one file for each model
+Written by `python docs/models_table.py` from `gelforge/mechanics/laws/models/`, one file for each model
 ([how to add one](adding/constitutive-model.md)). All are the incompressible (isochoric) part; K/mu is
 `mechanics.bulk_to_shear`. A configuration gives parameters as `parameters: {law: yeoh, C10_kPa: 5.0}`, or names what is to
 be fitted: `laws: [ogden2, yeoh]`.

@@ -1,6 +1,4 @@
-"""The catalogue as docs/effects.md: `python -m gelforge.mismatch.summary.effects_table` writes it anew."""
-
-from __future__ import annotations
+"""The catalogue as docs/effects.md: `python docs/effects_table.py` writes it anew."""
 
 from collections.abc import Mapping, Sequence
 from itertools import groupby
@@ -10,11 +8,11 @@ from gelforge.files import write_text
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.model.effect import FAMILIES, Effect, Parameter
 
-PAGE = Path(__file__).parents[3] / "docs" / "effects.md"
+PAGE = Path(__file__).parent / "effects.md"
 HEAD = """\
 # Effects that a verdict may name
 
-Written by `python -m gelforge.mismatch.summary.effects_table` from `gelforge/mismatch/effects/`, one file for each effect;
+Written by `python docs/effects_table.py` from `gelforge/mismatch/effects/`, one file for each effect;
 they also hold the source of every number. A parameter is `name [unit] width, from .. to`: the
 standard deviation of its prior, that is a plausible value, and the physical range. 0 is the effect's absence; a range that
 begins at 0 leaves one sign only. [mismatch-method.md](mismatch-method.md) says how a verdict is reached.

@@ -1,6 +1,4 @@
-"""Keys of a material mapping as docs/material-mappings.md: `python -m gelforge.config.foreign.mapping_table` writes it."""
-
-from __future__ import annotations
+"""Keys of a material mapping as docs/material-mappings.md: `python docs/mapping_table.py` writes it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,11 +24,11 @@ from gelforge.config.foreign.table_form import TableForm
 from gelforge.files import write_text
 from gelforge.units import UNITS
 
-PAGE = Path(__file__).parents[3] / "docs" / "material-mappings.md"
+PAGE = Path(__file__).parent / "material-mappings.md"
 HEAD = """\
 # Mappings of material tests
 
-Written by `python -m gelforge.config.foreign.mapping_table` from `gelforge/config/foreign/mapping.py`.
+Written by `python docs/mapping_table.py` from `gelforge/config/foreign/mapping.py`.
 
 A mapping is a YAML file that says what the files of a test machine hold: which column is what, in which unit and sign, and
 how the table is written. It is named by a study (`materials.<material>.mapping`), by `gelforge characterise --mapping` or by
