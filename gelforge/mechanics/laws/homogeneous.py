@@ -107,7 +107,22 @@ def principal_stretches(case: str, lam: np.ndarray) -> np.ndarray:
 
 
 def cauchy_stress(law: PrincipalLaw, case: str, lam: np.ndarray) -> np.ndarray:
-    """Return the Cauchy stress [MPa] in the loading direction at the stretch lam, any shape."""
+    """Return the Cauchy stress in the loading direction.
+
+    Parameters
+    ----------
+    law : PrincipalLaw
+        Moduli in MPa.
+    case : str
+        One of LOAD_CASES.
+    lam : numpy.ndarray
+        Stretch (...) along the load [-].
+
+    Returns
+    -------
+    numpy.ndarray
+        (...) [MPa].
+    """
     beta = law.principal_stress(principal_stretches(case, lam))
     return beta[..., 0] - beta[..., 2]
 
