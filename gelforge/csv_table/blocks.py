@@ -9,7 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from gelforge.csv_table.cells import Signs
-from gelforge.csv_table.table import CsvForm, lines_of, names_all
+from gelforge.csv_table.form import CsvForm
+from gelforge.csv_table.table import lines_of, names_all
 
 
 def blocks(path: Path, needed: Sequence[str], form: CsvForm) -> list[tuple[str, CsvForm]]:
