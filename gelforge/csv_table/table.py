@@ -107,9 +107,7 @@ def read_columns(
     ----------
     path : str or Path
         The file.
-    numbers, optional_numbers, texts, optional_texts : sequence of str
-        As of `read_csv`.
-    form : CsvForm
+    numbers, optional_numbers, texts, optional_texts, form
         As of `read_csv`.
 
     Returns
