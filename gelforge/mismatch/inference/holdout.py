@@ -36,7 +36,8 @@ def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
 
     Held out are all readings at about a quarter of the sites, drawn by the seed. So are those in the deepest quarter of the
     depths at the other sites. Another turn sets other sites aside. Of fewer than FEW_SITES sites a quarter is none: turn 0
-    sets the deepest quarter aside, turn k the k-th site and nothing else. Enough is then left to learn from. A single site, or a single depth, is not held out.
+    sets the deepest quarter aside, turn k the k-th site and nothing else. Enough is then left to learn from. A single site,
+    or a single depth, is not held out.
 
     Parameters
     ----------
