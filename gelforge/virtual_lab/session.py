@@ -99,6 +99,11 @@ def session_cells(lab: VirtualLab, cells: Mapping[str, PlannedCell]) -> dict[str
         Its sessions and their shares; the sensor's serial seeds the draw.
     cells : mapping of str to PlannedCell
         Sites of the plan.
+
+    Returns
+    -------
+    dict of str to list of str
+        By session.
     """
     names = np.array(list(cells), dtype=object)
     order = np.random.default_rng(serial_seed(lab.serial)).permutation(len(names))

@@ -241,6 +241,11 @@ def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collec
     if_held : collection of str
         Names of arrays that are read where the file has them.
 
+    Returns
+    -------
+    Cell
+        Arrays by name and attributes.
+
     Raises
     ------
     CellError

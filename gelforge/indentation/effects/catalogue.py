@@ -76,6 +76,11 @@ def with_keys(study: Study, **families) -> Study:
     **families : dict
         Keys by family, e.g. kinematics={"yaw_deg": 1.0}.
 
+    Returns
+    -------
+    Study
+        A copy.
+
     Raises
     ------
     ConfigError

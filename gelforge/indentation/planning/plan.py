@@ -208,6 +208,11 @@ def press_path(
         Then come back by the same depths.
     twist : float
         Before unloading turn about z, through the indenter's centre [deg], in steps of TWIST_STEP_DEG at most.
+
+    Returns
+    -------
+    PlannedCell
+        Path with its phases; without shear, twist and unloading depths alone.
     """
     if shear is None and not twist and not unload:
         return PlannedCell(name, x, y, tuple(depths))

@@ -24,6 +24,11 @@ def inputs_digest(study: Study, laws: Mapping[str, PrincipalLaw], planned: Plann
         By material.
     planned : PlannedCell
         The site and its path.
+
+    Returns
+    -------
+    str
+        SHA-256 in hexadecimal.
     """
     return digest(
         {

@@ -195,6 +195,11 @@ def read_law(path: str | Path) -> MaterialLaw:
     path : path
         A file that write_law has written.
 
+    Returns
+    -------
+    MaterialLaw
+        Moduli in MPa.
+
     Raises
     ------
     LawFileError

@@ -68,6 +68,11 @@ def stress_points(
         "1": the nominal stress along the load (in simple shear the shear stress); "2": that across it; "1-2": the difference
         of the Cauchy stresses divided by lam_1.
 
+    Returns
+    -------
+    StressPoints
+        n states.
+
     Raises
     ------
     ValueError
@@ -89,7 +94,7 @@ def stress_points(
 
 
 def principal_stretches(case: str, lam: np.ndarray) -> np.ndarray:
-    """Return the principal stretches (..., 3) of a load case, volume preserved.
+    """Return the principal stretches of a load case, volume preserved.
 
     Parameters
     ----------
@@ -97,6 +102,11 @@ def principal_stretches(case: str, lam: np.ndarray) -> np.ndarray:
         One of LOAD_CASES.
     lam : array
         Stretch (...) along the load [-].
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 3) [-].
 
     Examples
     --------
