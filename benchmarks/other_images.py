@@ -34,7 +34,7 @@ from gelforge.recording.imaging.flow import reduced  # noqa: E402
 from gelforge.recording.optics.remap import Remapper  # noqa: E402
 from gelforge.virtual_lab.imaging import draw, expose, focused  # noqa: E402
 from gelforge.virtual_lab.particles import place_particles, true_motion  # noqa: E402
-from gelforge.virtual_lab.session import TRUTH  # noqa: E402
+from gelforge.virtual_lab.true_solutions import TRUTH  # noqa: E402
 from gelforge.virtual_lab.truth import simulate_truth_cell  # noqa: E402
 
 PLANE_Z_MM = -3.75  # of the remap: the middle of the gel

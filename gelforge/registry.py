@@ -76,7 +76,22 @@ def defined(package: str, name: str, attribute: str, kind: type[Kind]) -> Kind:
 def stated(file: Path, *names: str) -> dict:
     """Return the values of names to which a file assigns plain literals, without importing it.
 
-    Raises TypeError for a file that does not state one of them.
+    Parameters
+    ----------
+    file : Path
+        Python source.
+    *names : str
+        Each must be assigned at the top level.
+
+    Returns
+    -------
+    dict
+        Values by name.
+
+    Raises
+    ------
+    TypeError
+        For a file that does not state one of them.
     """
     tree = ast.parse(file.read_text(encoding="utf-8"))
     values = {

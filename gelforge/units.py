@@ -149,7 +149,18 @@ def unit_in_header(column: str) -> str | None:
 
 
 def looks_like_a_unit(text: str) -> bool:
-    """Return whether a cell can only be a unit: a known one, or a short text in brackets."""
+    """Return whether a cell can only be a unit: a known one, or a short text in brackets.
+
+    Parameters
+    ----------
+    text : str
+        The cell.
+
+    Returns
+    -------
+    bool
+        True for "mm", "[foo]" and "(N)"; False for "load".
+    """
     return _bare(text) != text.strip() or unit_named(text) is not None
 
 

@@ -129,7 +129,8 @@ def fit(
     >>> 15 < gel.youngs_modulus_kPa < 18
     True
     """
-    from gelforge.materials.characterise import fits_of, inputs_of, material_law, parameters_table
+    from gelforge.materials.characterise import inputs_of, material_law, parameters_table
+    from gelforge.materials.fits import fits_of
     from gelforge.materials.readers.material_source import read_sources
 
     keys = {"laws": arguments.names("models", models), "choose": choose, "loss": loss}

@@ -83,7 +83,18 @@ class Pressed:
 
     @classmethod
     def of(cls, cell: Cell) -> Pressed:
-        """Return the forces of a solved site."""
+        """Return the forces of a solved site.
+
+        Parameters
+        ----------
+        cell : Cell
+            As `gelforge.press` solves it.
+
+        Returns
+        -------
+        Pressed
+            Forces [N] at each depth that was reached.
+        """
         a, attributes = cell.arrays, cell.attributes
         slopes = {
             str(name): Slopes(str(unit), a["sensitivity_total"][k], a["sensitivity_bin"][k])

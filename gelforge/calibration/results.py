@@ -178,7 +178,18 @@ def patch_of(study: Study, fit: Fit, files: Mapping[str, Path]) -> dict[str, Any
 
 
 def summary(content: Mapping[str, Any]) -> Sequence[str]:
-    """Return a calibration in lines of text."""
+    """Return a calibration in lines of text.
+
+    Parameters
+    ----------
+    content : mapping
+        The calibration's file as read: parameters, held_out [N] and sentences.
+
+    Returns
+    -------
+    sequence of str
+        A line for each parameter and held-out force component, then the sentences.
+    """
     lines = []
     for one in content["parameters"]:
         low, high = one["interval_90"]

@@ -2,7 +2,8 @@
 
 from gelforge.csv_table.blocks import blocks
 from gelforge.csv_table.cells import TableError
-from gelforge.csv_table.table import CsvForm, RowFilter, lines_of, read_columns, read_comments, read_csv
+from gelforge.csv_table.form import CsvForm, RowFilter
+from gelforge.csv_table.table import lines_of, read_columns, read_comments, read_csv
 
 __all__ = [
     "CsvForm",

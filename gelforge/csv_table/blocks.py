@@ -9,13 +9,33 @@ from dataclasses import replace
 from pathlib import Path
 
 from gelforge.csv_table.cells import Signs
-from gelforge.csv_table.table import CsvForm, lines_of, names_all
+from gelforge.csv_table.form import CsvForm
+from gelforge.csv_table.table import lines_of, names_all
 
 
 def blocks(path: Path, needed: Sequence[str], form: CsvForm) -> list[tuple[str, CsvForm]]:
     """Return the title and the form of each table of a file whose header stands again above every one.
 
     The title is the first text between two tables, "" where there is none. A file with one header is one block.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    needed : sequence of str
+        Columns that every header names.
+    form : CsvForm
+        How the tables are written.
+
+    Returns
+    -------
+    list of (str, CsvForm)
+        In the order of the file.
+
+    Raises
+    ------
+    TableError
+        For a file that cannot be read.
     """
     separator = form.separator or ","
     if not form.header or not needed:

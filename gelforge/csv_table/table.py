@@ -9,12 +9,12 @@ from __future__ import annotations
 import codecs
 import csv
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gelforge.csv_table.cells import CLOCK, Signs, TableError, few, numbers_of
+from gelforge.csv_table.form import STANDARD, CsvForm, is_comment
 from gelforge.input_files import NotAFile, another_kind, read_bytes
 from gelforge.units import looks_like_a_unit, unit_named
 
@@ -38,52 +38,6 @@ SEPARATORS = {  # sign: its name, and the value of the key `separator` where the
 }
 
 
-@dataclass(frozen=True)
-class RowFilter:
-    """Which rows are read, by the text or the number in a column."""
-
-    column: str
-    equals: tuple[str, ...] | None = None
-    at_least: float | None = None
-    at_most: float | None = None
-
-    def keeps(self, text: str, signs: Signs) -> bool:
-        """Return whether a row with this text in the column is read."""
-        value = signs.number(text)
-        if self.equals is not None and text not in self.equals:
-            if not any(value == Signs().number(wanted) for wanted in self.equals):
-                return False
-        if self.at_least is None and self.at_most is None:
-            return True
-        low = -math.inf if self.at_least is None else self.at_least
-        return low <= value <= (math.inf if self.at_most is None else self.at_most)
-
-
-@dataclass(frozen=True)
-class CsvForm:
-    """How a table is written. Separator and decimal sign None: comma or semicolon, as the header line shows."""
-
-    separator: str | None = None
-    decimal: str | None = None
-    thousands: str | None = None  # between groups of three digits
-    encoding: str = "utf-8-sig"
-    comment: str = "#%"  # each of these signs begins a comment line above the header
-    skip_rows: int = 0  # lines above the header (or above the first row) that are not part of the table
-    header: bool = True  # without a header the columns are called 1, 2, 3, ...
-    columns: int | None = None  # their number where there is no header; None: as many as the first row has
-    header_begins_with: str | None = None  # text with which the header line begins, wherever it stands
-    find_header: bool = False  # where the header lacks a column: take the only line that names all of them
-    # The line below the header holds units; None: where it can be nothing else.
-    units_row: bool | None = False
-    # Declared by column: must be those of the units row.
-    units: Mapping[str, str] = field(default_factory=dict)
-    rows: tuple[RowFilter, ...] = ()  # which rows are read
-    # Rows in which all of these columns are empty are those of others in one table.
-    shared_with: tuple[str, ...] = ()
-    # Number of the last line that is read, where specimens are stacked in one file.
-    last_line: int | None = None
-
-
 def read_csv(
     path: str | Path,
     *,
@@ -91,7 +45,7 @@ def read_csv(
     optional_numbers: Sequence[str] = (),
     texts: Sequence[str] = (),
     optional_texts: Sequence[str] = (),
-    form: CsvForm = CsvForm(),
+    form: CsvForm = STANDARD,
 ) -> pd.DataFrame:
     """Return a CSV file as a table.
 
@@ -145,9 +99,29 @@ def read_columns(
     optional_numbers: Sequence[str] = (),
     texts: Sequence[str] = (),
     optional_texts: Sequence[str] = (),
-    form: CsvForm = CsvForm(),
+    form: CsvForm = STANDARD,
 ) -> tuple[list[int], dict[str, list]]:
-    """Return the rows' line numbers and the columns, float for numbers and str for texts, checked as by `read_csv`."""
+    """Return the rows' line numbers and the columns of a CSV file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    numbers, optional_numbers, texts, optional_texts, form
+        As of `read_csv`.
+
+    Returns
+    -------
+    list of int
+        Of each row, counted from 1 as a text editor does.
+    dict of str to list
+        By column, float for numbers and str for all others.
+
+    Raises
+    ------
+    TableError
+        As `read_csv`.
+    """
     path = Path(path)
     header, signs, rows = _split(path, form, [*numbers, *texts])
     if form.header and form.units_row is not False:
@@ -176,9 +150,25 @@ def read_columns(
 
 
 def read_comments(path: str | Path) -> list[str]:
-    """Return the comment lines above the header, without their mark."""
+    """Return the comment lines above the header, without their mark.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file in UTF-8 whose comments begin with # or %.
+
+    Returns
+    -------
+    list of str
+        In their order.
+
+    Raises
+    ------
+    TableError
+        As `lines_of`.
+    """
     comments = []
-    for line in lines_of(Path(path), CsvForm()):
+    for line in lines_of(Path(path), STANDARD):
         text = line.strip()
         if text and text[0] not in "#%":
             break
@@ -187,7 +177,25 @@ def read_comments(path: str | Path) -> list[str]:
 
 
 def lines_of(path: Path, form: CsvForm) -> list[str]:
-    """Return the lines of a text file, whose byte order mark decides its encoding where there is one."""
+    """Return the lines of a text file, whose byte order mark decides its encoding where there is one.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    form : CsvForm
+        States the encoding of a file without a mark.
+
+    Returns
+    -------
+    list of str
+        Without line ends.
+
+    Raises
+    ------
+    TableError
+        For a file that cannot be read, is of another kind or encoding, or holds a null character.
+    """
     try:
         content = read_bytes(path)
         text = content.decode(
@@ -389,7 +397,3 @@ def _filter(path: Path, header: list[str], rows: list, form: CsvForm, signs: Sig
             raise TableError(
                 f"{path}: the filter of rows by {condition.column} keeps none of {before} rows; correct `rows`"
             )
-
-
-def is_comment(line: str, form: CsvForm) -> bool:
-    return line.lstrip()[0] in form.comment

@@ -36,11 +36,34 @@ def agreement_table(
     """Return one row per indentation: total force [N] of the finite elements and the mean of the indentation's load and
     dwell readings.
 
-    readings_files: recordings/<session>.csv of each session; images are not needed. cell_files: the file of each site;
-    own_labels: of sessions that have their own, see join_shard. Only readings at the deepest depth of an indentation count,
-    and of these only those with a force: indentations whose force a test of the session excluded are left out.
-    Indentations of failed sites, and those that failed themselves, are left out, as in the shards. Raises DatasetError for a
-    indentation without its site or depth, CellError for a site that is missing or truncated.
+    Only readings at the deepest depth of an indentation count, and of these only those with a force. Indentations whose
+    force a test of the session excluded are left out. So are those of failed sites, and those that failed themselves, as in
+    the shards.
+
+    Parameters
+    ----------
+    readings_files : mapping of str to str or Path
+        recordings/<session>.csv of each session; images are not needed.
+    cell_files : mapping of str to str or Path
+        The file of each site.
+    own_labels : mapping of str to OwnCells or OwnPresses, optional
+        As of `join_shard`.
+    cell_digests : mapping of str to str, optional
+        By site, the `inputs_digest` that its file must have.
+    raw_digests : mapping of str to str, optional
+        By session, the digest of inputs that its readings must have.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns as in COLUMNS.
+
+    Raises
+    ------
+    DatasetError
+        For an indentation without its site or depth, and for readings of other inputs.
+    CellError
+        For a site that is missing or truncated.
     """
     for session, expected in (raw_digests or {}).items():
         path = readings_files[session]
@@ -135,7 +158,17 @@ def checked_totals(path: str | Path, name: str, expected: str | None) -> Cell:
 
 
 def write_agreement(path: str | Path, table: pd.DataFrame, inputs: str = "") -> None:
-    """Write agreement.csv; nine digits, more than any force sensor has. inputs: digest of the sites and readings."""
+    """Write agreement.csv with nine digits, more than any force sensor has.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    table : pandas.DataFrame
+        As `agreement_table` returns it.
+    inputs : str
+        Digest of the sites and readings.
+    """
     write_product_table(path, table, "%.9g", inputs)
 
 
@@ -170,10 +203,20 @@ def read_agreement(path: str | Path, inputs: str | None = None) -> pd.DataFrame:
 
 
 def rmse_gt_table(agreement: pd.DataFrame, resolution_N: Mapping[str, Sequence[float]]) -> pd.DataFrame:
-    """Return RMSE_GT (Sferrazza et al. 2019, table 1): rms over indentations of F/T minus FEM total force [N], per axis.
+    """Return RMSE_GT (Sferrazza et al. 2019, table 1): rms over indentations of F/T minus FEM total force, per axis.
 
-    One row per axis for all sessions together, then per session; next to it the mean difference and the F/T sensor's
-    resolution_N of each session (the coarsest for all together).
+    Parameters
+    ----------
+    agreement : pandas.DataFrame
+        As `agreement_table` returns it.
+    resolution_N : mapping of str to sequence of float
+        By session, that of its F/T sensor along x, y, z [N].
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per axis for all sessions together, then per session: RMSE_GT, mean difference and the F/T sensor's
+        resolution [N], the coarsest for all together.
     """
     groups = [("all", agreement)] + [(name, rows) for name, rows in agreement.groupby("session", sort=False)]
     rows = []

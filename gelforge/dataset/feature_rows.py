@@ -34,7 +34,23 @@ class PressRows:
 
 
 def open_features(path: str | Path) -> h5py.File:
-    """Return a session's features, opened after checking that they are whole."""
+    """Return a session's features, opened after checking that they are whole.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    h5py.File
+        Open for reading.
+
+    Raises
+    ------
+    DatasetError
+        For a file that is missing, damaged or of another format.
+    """
     remedy = f"extract the features again (snakemake -R {path})"
     return opened(path, FEATURE_FORMAT, remedy, DatasetError)
 

@@ -52,15 +52,41 @@ def join_shard(
 ) -> int:
     """Write the shard of some planned sites and return its number of rows.
 
-    cell_files: the file of each of these sites; feature_files: the features of each session that has images, none for
-    a shard of labels only (one row per site and depth). cell_digests and feature_digests: what `inputs_digest` of each
-    site and `digest` of each session's features must be under the study's present settings. own_labels: of sessions whose
-    labels are not those of the plan's sites, as the sensor had another age or temperature or remembers earlier indentations.
-
     Rows follow the sites as given, then sessions and indentations in the order recorded, then images. Memory holds the rows
     of one site. A failed site is left out and listed with its reason in the attribute `failed_cells`; what is a session's
-    own in its attributes `failed_cells` and `failed_presses`. Raises DatasetError or CellError naming the site,
-    indentation, image or file that is missing, truncated or from other settings.
+    own in its attributes `failed_cells` and `failed_presses`.
+
+    Parameters
+    ----------
+    study : Study
+        Its plan names the sites.
+    cells_of_chunk : sequence of str
+        Sites of the shard.
+    cell_files : mapping of str to str or Path
+        The file of each of these sites.
+    feature_files : mapping of str to str or Path
+        By session, the features of those with images; empty for a shard of labels only (one row per site and depth).
+    out : str or Path
+        The shard.
+    cell_digests : mapping of str to str, optional
+        By site, what its `inputs_digest` must be under the study's present settings.
+    feature_digests : mapping of str to str, optional
+        By session, what the `digest` of its features must be under the study's present settings.
+    own_labels : mapping of str to OwnCells or OwnPresses, optional
+        By session, labels other than those of the plan's sites. The sensor had another age or temperature there, or
+        remembers earlier indentations.
+
+    Returns
+    -------
+    int
+        Rows written.
+
+    Raises
+    ------
+    DatasetError
+        For a site that is not in the plan, and for labels, features or images that are missing or of other settings.
+    CellError
+        For a site that is missing, truncated or from other settings.
     """
     planned = plan_cells(study)
     unknown = [name for name in cells_of_chunk if name not in planned]

@@ -63,12 +63,30 @@ def press_in_order(
     session: str,
     out: Path,
 ) -> str:
-    """Write the labels of a session's indentations, followed in their order from an untouched sensor; return why it ended
-    early.
+    """Write the labels of a session's indentations, followed in their order from an untouched sensor.
 
-    study: as it was in the session; laws by material; uncertain: see companion.simulate_label. What an indentation leaves is
-    carried to the next, so one that cannot be solved ends the session: it and those after it are in the file with the
-    reason.
+    What an indentation leaves is carried to the next, so one that cannot be solved ends the session: it and those after it
+    are in the file with the reason. A run that was stopped goes on where it ended.
+
+    Parameters
+    ----------
+    study : Study
+        As it was in the session.
+    laws : mapping of str to PrincipalLaw
+        By material [MPa].
+    uncertain : mapping of str to sequence of PrincipalLaw
+        As of companion.simulate_label.
+    presses : sequence of RecordedPress
+        In their order.
+    session : str
+        Its name.
+    out : Path
+        The file of labels.
+
+    Returns
+    -------
+    str
+        Why it ended early; "" if it did not.
     """
     part = part_of(out)
     identity = presses_digest(study, laws, presses)
@@ -94,7 +112,13 @@ def part_of(out: Path) -> Path:
 
 
 def discard_part(out: Path) -> None:
-    """Remove what an earlier job has solved of a session, so that it begins with the first indentation."""
+    """Remove what an earlier job has solved of a session, so that it begins with the first indentation.
+
+    Parameters
+    ----------
+    out : Path
+        File of the session's labels, which is not touched.
+    """
     if part_of(out).exists():
         shutil.rmtree(part_of(out))
         print("earlier solutions are discarded, as asked; starting with the first indentation", flush=True)

@@ -46,7 +46,18 @@ def label_ranges(shards: Sequence[str | Path]) -> np.ndarray:
 
 
 def force_ranges_table(ranges: np.ndarray) -> pd.DataFrame:
-    """Return the ranges of label_ranges (2, 2, 3) [N] as a table (Sferrazza et al. 2019, table 4)."""
+    """Return the ranges of the forces as a table (Sferrazza et al. 2019, table 4).
+
+    Parameters
+    ----------
+    ranges : numpy.ndarray
+        (2, 2, 3) [N], as `label_ranges` returns them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for the force per bin and one for the total force [N].
+    """
     columns = [f"{axis}_{end}_N" for axis in "xyz" for end in ("min", "max")]
     rows = [(name, *ranges[i].T.ravel()) for i, name in enumerate(("force per bin", "total force"))]
     return pd.DataFrame(rows, columns=["quantity", *columns])

@@ -101,7 +101,22 @@ def _timed(path: Trajectory, rows: pd.DataFrame, timing) -> Trajectory:
 
 
 def presses_digest(study: Study, laws: Laws, presses: Sequence[RecordedPress]) -> str:
-    """Return the digest of all that decides the labels of a session's indentations; study: as it was in the session."""
+    """Return the digest of all that decides the labels of a session's indentations.
+
+    Parameters
+    ----------
+    study : Study
+        As it was in the session.
+    laws : mapping of str to PrincipalLaw
+        By material.
+    presses : sequence of RecordedPress
+        In their order.
+
+    Returns
+    -------
+    str
+        SHA-256 in hexadecimal.
+    """
     paths = [[p.name, p.cell, p.path.x_mm, p.path.y_mm, p.path.depths_mm, p.path.times_s] for p in presses]
     sources = source_digest(
         "dataset/presses_in_order.py", "dataset/recorded_presses.py", "recording/tables/path_through.py"

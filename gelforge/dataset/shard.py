@@ -191,7 +191,25 @@ class ShardDataset:
 
 
 def lineage(path: str | Path, row: int) -> dict:
-    """Return where one row of a shard comes from: its label's site, its image and the files behind both."""
+    """Return where one row of a shard comes from: its label's site, its image and the files behind both.
+
+    Parameters
+    ----------
+    path : str or Path
+        The shard.
+    row : int
+        From 0.
+
+    Returns
+    -------
+    dict
+        The row's plain columns, with `label`, `study`, `synthetic` and, of a row with an image, `recording`.
+
+    Raises
+    ------
+    DatasetError
+        For a row that does not exist, and a file that is no whole shard.
+    """
     attributes = shard_attributes(path)
     if not 0 <= row < attributes["rows"]:
         raise DatasetError(f"{path}: row {row} does not exist; rows are 0 to {attributes['rows'] - 1}")

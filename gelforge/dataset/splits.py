@@ -45,7 +45,22 @@ def _tolerance_mm(planned: Mapping[str, PlannedCell]) -> float:
 
 
 def nearest_mm(places: np.ndarray, others: np.ndarray, sensor: Sensor) -> np.ndarray:
-    """Return the distance (n,) [mm] of each position (n, 2) to the nearest of others (m, 2), or of their mirror images."""
+    """Return the distance of each position to the nearest of others, or of their mirror images.
+
+    Parameters
+    ----------
+    places : numpy.ndarray
+        (n, 2) [mm].
+    others : numpy.ndarray
+        (m, 2) [mm].
+    sensor : Sensor
+        Its symmetry gives the mirror images.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,) [mm].
+    """
     return cKDTree(folded(others, sensor)).query(folded(places, sensor))[0]
 
 
@@ -67,10 +82,24 @@ class Separation:
 def separation(
     planned: Mapping[str, PlannedCell], split: Mapping[str, str], sensor: Sensor
 ) -> Separation | None:
-    """Return how far the test sites of a plan lie from its training sites, mirror images included; None without both.
+    """Return how far the test sites of a plan lie from its training sites, mirror images included.
 
     The usual spacing is that of a regular grid of as many positions over the same rectangle: sites that were meant to be one
     lie near each other, and their distance is not the plan's spacing.
+
+    Parameters
+    ----------
+    planned : mapping of str to PlannedCell
+        All sites of the plan.
+    split : mapping of str to str
+        "train" or "test" by site.
+    sensor : Sensor
+        Its symmetry gives the mirror images.
+
+    Returns
+    -------
+    Separation or None
+        Distances [mm]; None for a plan without test or without training sites.
     """
     names, places = np.array(list(planned)), folded(_places(planned), sensor)
     tests = np.array([split[name] == "test" for name in names], bool)
@@ -141,7 +170,26 @@ def planned_split(
 def split_training(
     places: Mapping[str, np.ndarray], orbit: Mapping[str, str], sensor: Sensor, fraction: float, seed: int
 ) -> dict[str, str]:
-    """Return "train" or "validation" of each training site; places (2,) [mm]: of sites with rows, seed: of the study."""
+    """Return whether each training site trains or validates.
+
+    Parameters
+    ----------
+    places : mapping of str to numpy.ndarray
+        (2,) [mm], of the training sites with rows.
+    orbit : mapping of str to str
+        By site, as `planned_split` returns it.
+    sensor : Sensor
+        Its walls and symmetry.
+    fraction : float
+        Share of the orbits that validate.
+    seed : int
+        Of the study.
+
+    Returns
+    -------
+    dict of str to str
+        "train" or "validation" by site.
+    """
     split = split_orbits(orbit, distances_from_wall(places, sensor), fraction, seed + 1)
     return {cell: "validation" if side == "test" else "train" for cell, side in split.items()}
 

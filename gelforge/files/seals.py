@@ -41,7 +41,18 @@ class FileError(ValueError):
 
 
 def errno_of(error: BaseException) -> int:
-    """Return the system's number of an error, which HDF5 hides in its text; 0 where there is none."""
+    """Return the system's number of an error, which HDF5 hides in its text; 0 where there is none.
+
+    Parameters
+    ----------
+    error : BaseException
+        Of the system or of h5py.
+
+    Returns
+    -------
+    int
+        Such as errno.ENOSPC.
+    """
     hidden = re.search(r"errno = (\d+)", str(error))
     return getattr(error, "errno", None) or (int(hidden[1]) if hidden else 0)
 

@@ -109,7 +109,23 @@ def _read(file: Path) -> np.ndarray:
 
 
 def grey_image(file: Path) -> np.ndarray:
-    """Return a written frame (H, W) in grey, for the page."""
+    """Return a written frame in grey, for the page.
+
+    Parameters
+    ----------
+    file : Path
+        The image.
+
+    Returns
+    -------
+    numpy.ndarray
+        (H, W).
+
+    Raises
+    ------
+    ImportingError
+        For a file that cannot be decoded.
+    """
     return grey(_read(file))
 
 

@@ -246,7 +246,20 @@ def _notes(mapping: ImportMapping, force: Aligned, camera: Aligned | None, press
 
 
 def clock_words(name: str, clock: Aligned) -> str:
-    """Return the law of a clock in words."""
+    """Return the law of a clock in words.
+
+    Parameters
+    ----------
+    name : str
+        Of the source.
+    clock : Aligned
+        Its clock against the stage's.
+
+    Returns
+    -------
+    str
+        Lag [s], twice its standard error [ms] and rate [ppm].
+    """
     rate = f", gains {clock.law.rate * 1e6:.1f} ppm" if clock.law.rate else ""
     known = f" +- {2 * clock.law.se_s * 1e3:.1f} ms" if clock.law.se_s else " (given)"
     return f"{name} clock {clock.lag_s:.4f} s later than the stage's{known}{rate}"

@@ -72,7 +72,33 @@ def _presses(table: pd.DataFrame, named: bool) -> pd.Series:
 
 
 def write_named(folder: Path, mapping: NamesMapping, name: str, data: Path, source: str) -> int:
-    """Write the session folder of a mapping, and return the number of its images."""
+    """Write the session folder of images whose names state position and force.
+
+    Parameters
+    ----------
+    folder : Path
+        Receives session.yaml, indentations.csv, reference.png and images/.
+    mapping : NamesMapping
+        What the parts of a name mean, and the keys of the session.
+    name : str
+        Of the session.
+    data : Path
+        The folder that holds the images.
+    source : str
+        The mapping's file, for messages.
+
+    Returns
+    -------
+    int
+        Number of images.
+
+    Raises
+    ------
+    ImportingError
+        For names, images or a reference that cannot be used.
+    ConfigError
+        For keys of the session that are wrong.
+    """
     table = named_readings(data, mapping.images)
     said = dict(mapping.session)
     zero = {"how": "as the names of the images say", **(said.get("depth_zero") or {})}

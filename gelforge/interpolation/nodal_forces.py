@@ -74,13 +74,37 @@ class NodalForces:
 
 
 def ball_of(indenter: Indenter) -> Sphere | None:
-    """Return an indenter's ball; None for any other shape."""
+    """Return an indenter's ball; None for any other shape.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        Of the study.
+
+    Returns
+    -------
+    Sphere or None
+        Radius in mm.
+    """
     shape = shape_of(indenter)
     return shape if isinstance(shape, Sphere) else None
 
 
 def contact_width(ball: Sphere | None, depth: float) -> float:
-    """Return how wide the contact is at a depth, in any unit: a ball's grows, of other shapes nothing is known."""
+    """Return how wide the contact is at a depth; only ratios of it have a meaning.
+
+    Parameters
+    ----------
+    ball : Sphere or None
+        As `ball_of` returns it.
+    depth : float
+        [mm].
+
+    Returns
+    -------
+    float
+        Radius [mm] of a ball's section at this height; 1 for other shapes, of which nothing is known.
+    """
     return float(ball.section(depth)[0, 2]) if ball else 1.0
 
 

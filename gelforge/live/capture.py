@@ -25,9 +25,28 @@ class Shot:
 
 
 def played(source: str, fps: float, loop: bool) -> Callable[[], Iterator[Frame]]:
-    """Return a function that opens a source: a camera at its own pace, a folder or a video at fps, once or in a loop.
+    """Return a function that opens a source: a camera at its own pace, a folder or a video at a given one.
 
-    Raises ImageError at once for a source that is missing or cannot be opened, LiveError for an fps that is not positive.
+    Parameters
+    ----------
+    source : str
+        Number of a camera, or path of a folder or a video.
+    fps : float
+        Images per second, above 0 and at most 1000; unused for a camera.
+    loop : bool
+        Begin again at the end.
+
+    Returns
+    -------
+    callable
+        Takes nothing and returns an iterator of Frame.
+
+    Raises
+    ------
+    LiveError
+        For another fps.
+    ImageError
+        For a source that is missing or cannot be opened.
     """
     if not 0 < fps <= 1000:
         raise LiveError(f"--fps {fps:g}: give a number above 0 and at most 1000")

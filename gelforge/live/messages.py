@@ -66,7 +66,22 @@ class Rates:
 
 
 def about(settings: dict, model_sha256: str, source: str) -> dict:
-    """Return the first message of a connection."""
+    """Return the first message of a connection.
+
+    Parameters
+    ----------
+    settings : dict
+        Of the model's file: bins, sensor_width_mm and what it was trained on.
+    model_sha256 : str
+        Digest of the model's file.
+    source : str
+        As of `played`.
+
+    Returns
+    -------
+    dict
+        Type "about", ready for JSON.
+    """
     bins = settings["bins"]
     return {
         "type": "about",

@@ -93,7 +93,27 @@ def run_live(
 ) -> None:
     """Compute and publish until the source ends.
 
-    Raises ImageError where the camera stops, after clients were warned. Unusable frames are reported and passed over.
+    Unusable frames are reported and passed over.
+
+    Parameters
+    ----------
+    open_source : callable
+        As `played` returns it.
+    force : LiveForce
+        Computes the forces [N] of a frame.
+    server : Server
+        Publishes readings, and receives commands.
+    folder : Path or None
+        Of recordings, which then begin at once; None: only clients start one, in RECORDINGS.
+    say : callable
+        Takes each line that is reported.
+    limits : Limits
+        Of recordings.
+
+    Raises
+    ------
+    ImageError
+        Where the camera stops, after clients were warned.
     """
     run, rates = Run(server, force, folder or Path(RECORDINGS), say, limits), Rates()
     notices = Notices(say)

@@ -22,19 +22,15 @@ from gelforge.config import Fitting, Material, given
 from gelforge.files import digest, file_sha256, write_json, write_product_table, write_table, write_text
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.measured_effects import MeasuredEffects
-from gelforge.materials.covariates.circumstances import circumstance_effects
-from gelforge.materials.covariates.effects import CIRCUMSTANCES
-from gelforge.materials.covariates.history_effects import cycle_effects, lateral_effects, relaxation_effects
+from gelforge.materials.fits import Fits, fits_of
 from gelforge.materials.fitting.bootstrap import bootstrap as bootstrap_samples
-from gelforge.materials.fitting.choice import Comparison, compare_laws
-from gelforge.materials.fitting.curves import MeanCurve, mean_curves, monotonic_loading, sample_curves
+from gelforge.materials.fitting.choice import Comparison
+from gelforge.materials.fitting.curves import MeanCurve, sample_curves
 from gelforge.materials.fitting.fit import WEIGHTS, FitError, LawFit
 from gelforge.materials.fitting.law_file import MaterialLaw, read_law, rounded, write_law
 from gelforge.materials.fitting.material_table import material_table
-from gelforge.materials.fitting.sample_scatter import scatter
 from gelforge.materials.fitting.stiffness import check_stiffness
 from gelforge.materials.readers.material_source import MaterialSource, source_of
-from gelforge.materials.small_tests.small_effects import small_effects
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.parameters import GivenParameters
 
@@ -48,8 +44,6 @@ CURVE_COLUMNS = [
 ]
 MEAN = "mean"  # the sample name of the averaged curve
 SEED = 20191113  # of the bootstrap; the same files give the same intervals
-CIRCUMSTANCE_NAMES = {c.effect for c in CIRCUMSTANCES}
-FITTED_SHARE = 0.8  # of the largest strain of any sample; a range fitted below that is worth a note
 NOTHING_MEASURED = "the constitutive model was given, or read from a file; no test was fitted"
 
 
@@ -83,7 +77,28 @@ class Characterised:
 
 
 def characterise(name: str, material: Material, folder: Path, study: str = "") -> None:
-    """Write the results of a study's material, its laws with the study's name; the same inputs give the same bytes."""
+    """Write the results of a study's material; the same inputs give the same bytes.
+
+    Parameters
+    ----------
+    name : str
+        Of the material.
+    material : Material
+        Tests, given parameters or a law's file.
+    folder : Path
+        Receives the files that the module's table lists.
+    study : str
+        Name of the study, which the laws state.
+
+    Raises
+    ------
+    FitError
+        For tests to which no constitutive model can be fitted.
+    ConfigError
+        For a stiffness that is neither plausible nor confirmed.
+    LawFileError
+        For a law's file that cannot be read.
+    """
     if material.tests is not None:
         try:
             source = replace(source_of(name, material.tests, material.mapping), study=study)
@@ -105,7 +120,25 @@ def characterise(name: str, material: Material, folder: Path, study: str = "") -
 
 
 def known_law(name: str, material: Material) -> MaterialLaw:
-    """Return the law of a material without tests: of its file, or with given parameters. Raises LawFileError."""
+    """Return the law of a material without tests: of its file, or with given parameters.
+
+    Parameters
+    ----------
+    name : str
+        Of the material.
+    material : Material
+        With `file` or `parameters`.
+
+    Returns
+    -------
+    MaterialLaw
+        Moduli in MPa.
+
+    Raises
+    ------
+    LawFileError
+        For a file that cannot be read.
+    """
     if material.file is not None:
         return replace(read_law(material.file), material=name)
     return given_law(name, given(material.parameters, "parameters"))
@@ -122,7 +155,28 @@ def characterise_source(
 ) -> Characterised:
     """Write the results of a material into a folder and return them.
 
-    law_needed: raise FitError where no test can be fitted; otherwise only the effects are written then.
+    Parameters
+    ----------
+    source : MaterialSource
+        Tests of the material.
+    fitting : Fitting
+        Which laws are fitted, and how.
+    folder : Path
+        As of `characterise`.
+    workers : int
+        Processes of the bootstrap.
+    law_needed : bool
+        Refuse tests to which no law can be fitted; otherwise only the effects are written then.
+
+    Returns
+    -------
+    Characterised
+        Comparison of the laws, effects and notes.
+
+    Raises
+    ------
+    FitError
+        Where a law is needed and no test can be fitted, or a fit fails.
     """
     fits = fits_of(source, fitting, law_needed)
     inputs = inputs_of(source, fitting)
@@ -139,65 +193,46 @@ def characterise_source(
     return result
 
 
-@dataclass(frozen=True)
-class Fits:
-    """What the tests of a material determine: fitted laws side by side, and sizes of effects."""
-
-    tests: list[MaterialTest]  # their loading
-    curves: list[MeanCurve]
-    comparison: Comparison | None  # None: no test that a law can be fitted to
-    effects: MeasuredEffects
-    notes: tuple[str, ...]
-
-
-def fits_of(source: MaterialSource, fitting: Fitting, law_needed: bool = True) -> Fits:
-    """Return the fits of a material and what its tests measure; nothing is written.
-
-    law_needed: raise FitError where no test can be fitted; otherwise the comparison is None then.
-    """
-    tests, notes = monotonic_loading(list(source.tests))
-    notes = _gathered(
-        [*notes, *(f"{t.test} {t.sample}: {text}" for t in source.tests for text in t.findings)]
-        + [f"{t.sample}: {text}" for t in source.small.contacts for text in t.findings]
-    )
-    if not tests and law_needed:
-        raise FitError(
-            f"{source.name}: no loading to fit a constitutive model to; {'; '.join(notes) or 'add samples.csv'}"
-        )
-    curves, comparison = mean_curves(tests), None
-    if tests:
-        try:
-            comparison = compare_laws(curves, fitting.laws, fitting.loss, fitting.choose)
-        except FitError as error:
-            raise FitError(f"{source.name}: {error}") from None
-        notes += [text for curve in curves for text in scatter(curve, comparison.chosen.fitted.law)]
-    effects = measured_effects(source)
-    notes += _cut_short(tests, curves)
-    notes += _averaged(tests, effects)
-    return Fits(tests, curves, comparison, effects, tuple(notes))
-
-
 def inputs_of(source: MaterialSource, fitting: Fitting) -> str:
-    """Return the digest of what decides a material's fits: its files and how they are fitted."""
+    """Return the digest of what decides a material's fits: its files and how they are fitted.
+
+    Parameters
+    ----------
+    source : MaterialSource
+        Its files.
+    fitting : Fitting
+        Its keys that decide a fit.
+
+    Returns
+    -------
+    str
+        SHA-256 in hexadecimal.
+    """
     files = sorted((path.name, file_sha256(path)) for path in source.files)
     return digest({"files": files, "fitting": fitting.fitting_keys()})
 
 
-def measured_effects(source: MaterialSource) -> MeasuredEffects:
-    """Return what the tests of a material say about each effect, and why others could not be judged."""
-    tests, measured, not_judged = list(source.tests), [], []
-    judged = []
-    if tests:
-        of_tests = (circumstance_effects, relaxation_effects, cycle_effects, lateral_effects)
-        judged = [judge(tests) for judge in of_tests]
-    for effects, reasons in [*judged, small_effects(source.small)]:
-        measured += effects
-        not_judged += reasons
-    return MeasuredEffects(source.name, tuple(measured), tuple(dict.fromkeys(not_judged)))
-
-
 def material_law(name: str, fit: LawFit, inputs_digest: str, synthetic: bool, notes=()) -> MaterialLaw:
-    """Return what is kept of a fit."""
+    """Return what is kept of a fit.
+
+    Parameters
+    ----------
+    name : str
+        Of the material.
+    fit : LawFit
+        Fitted law with its covariance and ranges.
+    inputs_digest : str
+        As of `inputs_of`.
+    synthetic : bool
+        The tests come from a virtual lab.
+    notes : sequence of str
+        In front of the fit's own.
+
+    Returns
+    -------
+    MaterialLaw
+        As `write_law` stores it.
+    """
     return MaterialLaw(
         name,
         fit.law,
@@ -229,9 +264,23 @@ def curve_table(samples: list[MaterialTest], means: list[MeanCurve], law: Princi
 
 
 def parameters_table(name: str, fits: Fits, bootstrap: int = 0, workers: int = 1) -> pd.DataFrame:
-    """Return the parameters of all fitted laws with their 95 % intervals; fits: with a comparison.
+    """Return the parameters of all fitted laws with their 95 % intervals.
 
-    bootstrap: refits over samples for further intervals of the chosen one, 0 for none.
+    Parameters
+    ----------
+    name : str
+        Of the material.
+    fits : Fits
+        With a comparison.
+    bootstrap : int
+        Refits over samples for further intervals of the chosen law; 0 for none.
+    workers : int
+        Processes of the bootstrap.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows as of `material_table`, with columns `law` and `chosen`.
     """
     comparison = fits.comparison
     assert comparison is not None, "the caller has checked that something was fitted"
@@ -259,46 +308,6 @@ def with_bootstrap(
     for column, end in (("low_95_bootstrap", 0), ("high_95_bootstrap", 1)):
         table[column] = [ends[q][end] if m and q in ends else np.nan for q, m in zip(table.quantity, mine)]
     return table
-
-
-def _gathered(notes: list[str]) -> list[str]:
-    """Return notes ("test sample: text") with those of one text made into one."""
-    about: dict[str, list[str]] = {}
-    for note in notes:
-        name, _, text = note.partition(": ")
-        about.setdefault(text, []).append(name)
-    return [f"{', '.join(names)}: {text}" for text, names in about.items()]
-
-
-def _cut_short(tests: list[MaterialTest], curves: list[MeanCurve]) -> list[str]:
-    """Return where samples went much further than the range that all of them reached, which alone is fitted."""
-    said = []
-    for curve in (c for c in curves if c.component == "1" and c.test != "biaxial"):
-        same_test = [t for t in tests if t.test == curve.test]
-        rest = same_test[0].at_rest
-        reached, fitted = (
-            max(np.abs(x - rest).max() for x in xs)
-            for xs in ([t.stretch for t in same_test], [curve.stretch])
-        )
-        if fitted < FITTED_SHARE * reached:
-            low, high = curve.stretch[[0, -1]]
-            said.append(
-                f"{curve.test}: fitted between {same_test[0].abscissa} {low:.3g} and {high:.3g}, where all {len(same_test)}"
-                f" samples were measured; single ones reach a strain of {reached:.3g}: give samples of other ranges a"
-                " material of their own to use the rest"
-            )
-    return said
-
-
-def _averaged(tests: list[MaterialTest], effects: MeasuredEffects) -> list[str]:
-    """Return which significant influences the fitted law averages over."""
-    kinds = {t.test for t in tests}
-    return [
-        f"the constitutive model averages over the tests' {e.effect.replace('_', ' ')}, whose influence is significant:"
-        f" {e.sentence}"
-        for e in effects.effects
-        if e.effect in CIRCUMSTANCE_NAMES and e.verdict.startswith("significant s") and e.test in kinds
-    ]
 
 
 def _clear(folder: Path) -> None:

@@ -114,7 +114,7 @@ def layer_compliance(u: np.ndarray, nu: float) -> np.ndarray:
 def bonded_layer_at_radius(
     contact_radius: float, radius: float, thickness: float, shear_modulus: float, nu: float
 ) -> PressedSurface:
-    r"""Return the indentation of a layer bonded to a rigid base whose contact radius a is given [mm].
+    r"""Return the indentation of a layer bonded to a rigid base whose contact radius a is given.
 
     With p(xi) = \int_0^a phi(t) cos(xi t) dt the pressure vanishes outside a, and the contact condition
     w = depth - r^2 / (2 R) becomes the Fredholm equation of the second kind (Sneddon 1966, ch. 4; Gladwell 1980)
@@ -123,7 +123,25 @@ def bonded_layer_at_radius(
         \phi(t) - \frac{2}{\pi} \int_0^a \phi(s) \int_0^\infty (1 - L(\xi h)) \cos \xi t \cos \xi s \, d\xi \, ds
         = \frac{2 \mu}{\pi (1 - \nu)} \left( \mathrm{depth} - \frac{t^2}{R} \right), \qquad F = 2 \pi \int_0^a \phi \, dt .
 
-    A smooth edge asks for phi(a) = 0, which fixes the depth. Lengths in mm, shear_modulus in MPa.
+    A smooth edge asks for phi(a) = 0, which fixes the depth.
+
+    Parameters
+    ----------
+    contact_radius : float
+        a [mm].
+    radius : float
+        R of the ball [mm].
+    thickness : float
+        h of the layer [mm].
+    shear_modulus : float
+        mu [MPa].
+    nu : float
+        Poisson's ratio.
+
+    Returns
+    -------
+    PressedSurface
+        Depth [mm], force [N] and contact radius [mm].
     """
     t, weight = _gauss(0.0, contact_radius, LAYER_POINTS)
     u, transform_weight = _gauss(0.0, TRANSFORM_END, TRANSFORM_POINTS)
@@ -177,6 +195,20 @@ def pressed_with_friction(friction: float, nu: float, rings: int = 200) -> Press
     unlimited friction the force is Mossakovskii's, ln(3 - 4 nu) / (1 - 2 nu) in place of 1 / (1 - nu) (a test holds it).
     By Spence's theorem of self-similarity stick ratio and friction share are the same for a ball that is pressed in:
     its tractions are a sum of those of flat indenters of growing radius, whose stick zones are in proportion.
+
+    Parameters
+    ----------
+    friction : float
+        Coulomb's coefficient [-].
+    nu : float
+        Poisson's ratio.
+    rings : int
+        Over which the tractions are even.
+
+    Returns
+    -------
+    PressedWithFriction
+        Stick ratio, friction share and stiffening, all [-].
     """
     edges = np.sin(np.linspace(0, np.pi / 2, rings + 1))
     r = (edges[1:] + edges[:-1]) / 2
@@ -235,7 +267,22 @@ _KERNELS = (_kernel_0, _kernel_1)
 
 # ----------------------------------------------------------------------------------------------- homogeneous stresses
 def ogden_uniaxial(lam: float, mu: tuple[float, ...], alpha: tuple[float, ...]) -> float:
-    """Return the nominal stress [MPa] of an incompressible bar, sum mu (lam^(alpha-1) - lam^(-alpha/2-1)) (Ogden 1972)."""
+    """Return the nominal stress of an incompressible bar, sum mu (lam^(alpha-1) - lam^(-alpha/2-1)) (Ogden 1972).
+
+    Parameters
+    ----------
+    lam : float
+        Stretch [-].
+    mu : tuple of float
+        [MPa].
+    alpha : tuple of float
+        [-], as many as mu.
+
+    Returns
+    -------
+    float
+        [MPa].
+    """
     return sum(m * (lam ** (a - 1) - lam ** (-a / 2 - 1)) for m, a in zip(mu, alpha))
 
 
@@ -251,18 +298,57 @@ class PartialSlip:
 def sliding_shift(
     normal_force: float, contact_radius: float, friction: float, shear_modulus: float, nu: float
 ) -> float:
-    """Return the shift 3 mu P (2 - nu) / (16 G a) [mm] at which all of a ball's contact slides (Johnson 1985, eq. 7.42b)."""
+    """Return the shift 3 mu P (2 - nu) / (16 G a) at which all of a ball's contact slides (Johnson 1985, eq. 7.42b).
+
+    Parameters
+    ----------
+    normal_force : float
+        P [N].
+    contact_radius : float
+        a [mm].
+    friction : float
+        Coulomb's coefficient mu [-].
+    shear_modulus : float
+        G [MPa].
+    nu : float
+        Poisson's ratio.
+
+    Returns
+    -------
+    float
+        [mm].
+    """
     return 3 * friction * normal_force * (2 - nu) / (16 * shear_modulus * contact_radius)
 
 
 def cattaneo_mindlin(
     shift: float, normal_force: float, contact_radius: float, friction: float, shear_modulus: float, nu: float
 ) -> PartialSlip:
-    """Return the sideways force and the stick radius after a shift [mm] at a constant normal force P [N].
+    """Return the sideways force and the stick radius after a shift at a constant normal force P.
 
     shift = 3 mu P (2 - nu) / (16 G a) (1 - (1 - Q / mu P)^(2/3)) and c = a (1 - Q / mu P)^(1/3) (Cattaneo 1938;
     Mindlin 1949; Johnson 1985, eqs. 7.42). The normal pressure is taken not to feel the shear, which is exact at nu = 1/2,
     and the slip to point along the shift, which is not: its part across it, of some nu / (4 - 2 nu), is left out.
+
+    Parameters
+    ----------
+    shift : float
+        Of the ball, sideways [mm].
+    normal_force : float
+        P [N].
+    contact_radius : float
+        a [mm].
+    friction : float
+        Coulomb's coefficient mu [-].
+    shear_modulus : float
+        G [MPa].
+    nu : float
+        Poisson's ratio.
+
+    Returns
+    -------
+    PartialSlip
+        Sideways force Q [N] and stick radius c [mm]; c = 0 once all slides.
     """
     sliding = sliding_shift(normal_force, contact_radius, friction, shear_modulus, nu)
     left = max(1 - shift / sliding, 0.0) ** 1.5  # 1 - Q / mu P
@@ -272,7 +358,24 @@ def cattaneo_mindlin(
 def cattaneo_mindlin_traction(
     r: np.ndarray, contact_radius: float, stick_radius: float, normal_force: float, friction: float
 ) -> np.ndarray:
-    """Return the shear traction [MPa] at distances r [mm]: mu p_0 (sqrt(1 - r^2/a^2) - c/a sqrt(1 - r^2/c^2))."""
+    """Return the shear traction of partial slip, mu p_0 (sqrt(1 - r^2/a^2) - c/a sqrt(1 - r^2/c^2)).
+
+    Parameters
+    ----------
+    r : numpy.ndarray
+        Distances (...) from the middle of the contact [mm].
+    contact_radius, stick_radius : float
+        a and c [mm].
+    normal_force : float
+        [N].
+    friction : float
+        Coulomb's coefficient mu [-].
+
+    Returns
+    -------
+    numpy.ndarray
+        (...) [MPa].
+    """
     a, c, r = contact_radius, stick_radius, np.asarray(r, dtype=float)
     largest = friction * 3 * normal_force / (2 * np.pi * a**2)
     inner = np.sqrt(np.maximum(1 - r**2 / c**2, 0.0)) if c > 0 else 0.0

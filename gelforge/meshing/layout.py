@@ -35,7 +35,17 @@ class Pair:
 def check_layout(solids: Solids, confirmed: bool) -> None:
     """Refuse solids that do not hang together, hide one another, overlap or leave thin gaps.
 
-    confirmed: overlaps and thin gaps are meant. Raises SurfaceError with the layers, the distance in mm and the remedy.
+    Parameters
+    ----------
+    solids : Solids
+        From the inside out [mm].
+    confirmed : bool
+        Overlaps and thin gaps are meant.
+
+    Raises
+    ------
+    SurfaceError
+        Names the layers, the distance [mm] and the remedy.
     """
     low, high = solids.bounds
     size = float(np.ptp([low, high], axis=0).max())

@@ -53,13 +53,37 @@ def area(surface: ClosedSurface) -> float:
 
 
 def given_solids(surfaces: dict[str, ClosedSurface], base: float) -> Solids:
-    """Return solids of given surfaces by name, from the inside out."""
+    """Return solids of given surfaces by name, from the inside out.
+
+    Parameters
+    ----------
+    surfaces : dict of str to ClosedSurface
+        By name, from the inside out [mm].
+    base : float
+        z of the rigid base [mm].
+
+    Returns
+    -------
+    Solids
+        With the surfaces themselves as drafts.
+    """
     drafts = tuple((surface.vertices, surface.triangles) for surface in surfaces.values())
     return Solids(tuple(surfaces), tuple(surfaces.values()), drafts, base)
 
 
 def block_solids(block: Block) -> Solids:
-    """Return the layers of a block: boxes inside the wall, and the whole of it as the top layer, which is the wall too."""
+    """Return the layers of a block: boxes inside the wall, and the whole of it as the top layer, which is the wall too.
+
+    Parameters
+    ----------
+    block : Block
+        Sizes [mm].
+
+    Returns
+    -------
+    Solids
+        In the block's order of layers, the base at z = -height [mm].
+    """
     heights = np.cumsum([0.0] + [thickness for _, thickness in block.layers]) - block.height
     boxes = [
         _box([block.wall, block.wall, low], [block.width_x - block.wall, block.width_y - block.wall, high])
@@ -75,9 +99,26 @@ def dome_solids(
 ) -> Solids:
     """Return a half-ellipsoid on its flat base: a core under layers of constant thickness.
 
-    layers are (name, thickness [mm] at the top) from the base up; inner surfaces are parallel to the outer one. The drafts
-    for the mesher are as coarse as its envelope [mm] lets them be.
-    Raises SurfaceError where a layer is thicker than the dome's sharpest curvature.
+    Inner surfaces are parallel to the outer one.
+
+    Parameters
+    ----------
+    width_x, width_y : float
+        Of the base [mm].
+    layers : tuple of (str, float)
+        Name and thickness [mm] at the top, from the base up.
+    envelope : float
+        Of the mesher [mm]; its drafts are as coarse as this lets them be.
+
+    Returns
+    -------
+    Solids
+        The base at z = -height [mm].
+
+    Raises
+    ------
+    SurfaceError
+        Where the layers over the core are as thick as the dome's smallest radius of curvature, or thicker.
     """
     height = sum(thickness for _, thickness in layers)
     axes = np.array([width_x / 2, width_y / 2, height])

@@ -43,11 +43,26 @@ class MeshingError(ValueError):
 
 
 def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
-    """Return 10-node tetrahedra of the solids, fine on the touched balls (n, 4) = (x, y, z, radius) [mm].
+    """Return 10-node tetrahedra of the solids, fine where they are touched.
 
-    Sizes are distances between neighbouring nodes: edges are twice as long. No ball is smaller than sizes.near_radius.
+    Parameters
+    ----------
+    solids : Solids
+        From the inside out [mm].
+    sizes : Sizes
+        Distances between neighbouring nodes [mm]: edges are twice as long.
+    touched : numpy.ndarray
+        (n, 4), balls (x, y, z, radius) [mm]; none is taken as smaller than sizes.near_radius.
 
-    Raises MeshingError where a surface of the mesh or its volume is not the one that was given.
+    Returns
+    -------
+    Mesh
+        Quadratic, a region for each solid, fixed on the base.
+
+    Raises
+    ------
+    MeshingError
+        Where a surface of the mesh or its volume is not the one that was given.
     """
 
     def edge(points):
@@ -209,9 +224,21 @@ WRITTEN = (".vtu", ".vtk", ".msh")  # formats that keep elements of both kinds w
 
 
 def write_mesh(path: str | Path, mesh: Mesh) -> None:
-    """Write nodes [mm], elements, cell data "region" (number of mesh.regions) and point data "fixed" (1: held on the base).
+    """Write a mesh: nodes [mm], elements, cell data "region" and point data "fixed".
 
-    The name's ending says the format: .vtu, .vtk or .msh (Gmsh). Raises MeshingError for another.
+    "region" is the number in mesh.regions; "fixed" is 1 on nodes that are held on the base.
+
+    Parameters
+    ----------
+    path : str or Path
+        Its ending says the format: .vtu, .vtk or .msh (Gmsh). Missing folders above it are made.
+    mesh : Mesh
+        Of hexahedra or 10-node tetrahedra.
+
+    Raises
+    ------
+    MeshingError
+        For another ending.
     """
     if Path(path).suffix not in WRITTEN:
         raise MeshingError(

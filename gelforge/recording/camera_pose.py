@@ -69,10 +69,31 @@ def particle_plane_mm(sensor: Sensor) -> float:
 
 
 def press_centres(recording: Recording, camera: Camera) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Return the names, places (P, 2) [mm] and centres (P, 2) [px] of indentations whose images show where they are.
+    """Return the names, places and centres of indentations whose images show where they are.
 
     Each indentation's last image at its depth, of those at least half as deep as the deepest; at most MOST_PRESSES, evenly
     taken.
+
+    Parameters
+    ----------
+    recording : Recording
+        With images.
+    camera : Camera
+        That took them; its focal length and direction, where known, sharpen the centres.
+
+    Returns
+    -------
+    list of str
+        Names of P indentations.
+    numpy.ndarray
+        Places (P, 2) on the sensor [mm].
+    numpy.ndarray
+        Centres (P, 2) in the image [px].
+
+    Raises
+    ------
+    CameraError
+        Where the session's images are of another size than the camera's.
     """
     rows = recording.readings
     rows = rows[at_commanded_depth(rows) & (rows["image"] != "").to_numpy()]

@@ -22,7 +22,18 @@ FORCES = ("fx_N", "fy_N", "fz_N")
 
 
 def check_copies(folders: Mapping[str, Path]) -> None:
-    """Raise RecordingError where two of some sessions, given by name, hold the same recording."""
+    """Refuse sessions of which two hold the same recording.
+
+    Parameters
+    ----------
+    folders : mapping of str to Path
+        By session; those without indentations.csv are passed over.
+
+    Raises
+    ------
+    RecordingError
+        Names both sessions and how many readings are equal.
+    """
     readings = {
         name: _readings(folder) for name, folder in folders.items() if (folder / "indentations.csv").is_file()
     }

@@ -256,13 +256,39 @@ def _keep(feature: h5py.Dataset, rows: np.ndarray) -> None:
 
 
 def found_in(path: str | Path) -> list[str]:
-    """Return what the image tests found when a file of features was made, a line per test."""
+    """Return what the image tests found when a file of features was made, a line per test.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file of features.
+
+    Returns
+    -------
+    list of str
+        Empty where they found nothing.
+    """
     with h5py.File(path, "r") as file:
         return json.loads(file.attrs["findings"])
 
 
 def features_digest(folder: str | Path, session: Session, settings: Features) -> str:
-    """Return the digest of what decides a session's features, its images included; a join compares it."""
+    """Return the digest of what decides a session's features, its images included; a join compares it.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Of the session.
+    session : Session
+        Its keys.
+    settings : Features
+        Of the study.
+
+    Returns
+    -------
+    str
+        SHA-256 in hexadecimal.
+    """
     described = {"session": session.model_dump(mode="json"), "features": settings.model_dump(mode="json")}
     return digest(described | {"raw": raw_digest(folder), "images": images_digest(folder)})
 

@@ -215,12 +215,38 @@ def raw_digest(folder: str | Path) -> str:
 
 
 def write_readings(path: str | Path, recording: Recording) -> None:
-    """Write all readings of a session, raw and corrected, as CSV."""
+    """Write all readings of a session, raw and corrected, as CSV.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    recording : Recording
+        The digest of its folder is written with it.
+    """
     write_product_table(path, recording.readings, "%.9g", raw_digest(recording.folder))
 
 
 def read_readings(path: str | Path) -> pd.DataFrame:
-    """Return the readings that `write_readings` wrote, columns as in COLUMNS; names stay text."""
+    """Return the readings that `write_readings` wrote, columns as in COLUMNS; names stay text.
+
+    Parameters
+    ----------
+    path : str or Path
+        recordings/<session>.csv.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each reading.
+
+    Raises
+    ------
+    RecordingError
+        For a file that is missing, damaged or edited.
+    TableError
+        For a column or a value that is missing.
+    """
     always = ["order", "time_s", "x_mm", "y_mm"]
     check_seal(path, f"make the readings again (snakemake -R {path})", RecordingError)
     table = read_csv(

@@ -61,6 +61,11 @@ def write_rows(study: Study, number: int, solutions: Sequence[str | Path], out: 
     out : path
         HDF5 file to write: a shard whose sites are the image series.
 
+    Returns
+    -------
+    str
+        Numbers of rows, image series and solved presses.
+
     Raises
     ------
     VirtualLabError

@@ -36,6 +36,16 @@ def as_read(imaging: VirtualImaging) -> VirtualImaging:
 
     A picture is linear in the levels of ground and particles, so its grey is that of their grey levels. Noise is that of
     each channel, independent, in the weighted sum. Holds where no channel is saturated.
+
+    Parameters
+    ----------
+    imaging : VirtualImaging
+        Of a camera in grey or colour.
+
+    Returns
+    -------
+    VirtualImaging
+        Without colours, noise in grey levels.
     """
     if imaging.particle_rgb is None:
         return imaging

@@ -35,6 +35,13 @@ def make_material_tests(lab: VirtualLab, folder: str | Path) -> None:
     """Write <folder>/<material>/samples.csv and one CSV per sample for each material of a virtual lab.
 
     The same lab gives the same bytes; a material's files do not depend on the other materials.
+
+    Parameters
+    ----------
+    lab : VirtualLab
+        Its materials, and how they are tested.
+    folder : str or Path
+        Receives a folder for each material.
     """
     for material, parameters in lab.materials.items():
         law = parameters.constitutive_model()

@@ -83,7 +83,20 @@ def dots_box(dots: PrintedDots, sensor: Sensor) -> tuple[np.ndarray, np.ndarray]
 
 
 def mean_height(particles: VirtualParticles, sensor: Sensor) -> float:
-    """Return the mean height [mm] of what the camera sees move: of dots, of layers with particles."""
+    """Return the mean height of what the camera sees move: of dots, of layers with particles.
+
+    Parameters
+    ----------
+    particles : VirtualParticles
+        Dots or particles of the virtual sensor.
+    sensor : Sensor
+        Its layers.
+
+    Returns
+    -------
+    float
+        z [mm]; negative is below the top surface.
+    """
     if particles.dots:
         return -particles.dots.depth_mm
     return float(np.mean([(low[2] + high[2]) / 2 for low, high in gel_boxes(sensor)]))

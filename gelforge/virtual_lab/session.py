@@ -27,7 +27,6 @@ from gelforge.config import (
     write_yaml,
 )
 from gelforge.files import remove_orphans, temporary_beside, write_text
-from gelforge.indentation.cells.cell_file import Cell, read_cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.progress import tracked
 from gelforge.recording.imaging.images import reference_path
@@ -42,9 +41,9 @@ from gelforge.virtual_lab.particles import (
     serial_seed,
     true_motion,
 )
+from gelforge.virtual_lab.true_solutions import read_truth
 from gelforge.virtual_lab.truth import check_recordable
 
-TRUTH = ["depth_mm", "total_force_N", "gel_node_mm", "gel_hex", "gel_displacement_mm"]
 COLUMNS = "press cell order time_s phase x_mm y_mm depth_mm speed_mm_per_s dwell_s".split()
 # The course of an indentation: zero is read above the surface, then the stage goes down, waits, takes images and goes up.
 # On a path it waits at every step and takes one image there.
@@ -100,6 +99,11 @@ def session_cells(lab: VirtualLab, cells: Mapping[str, PlannedCell]) -> dict[str
         Its sessions and their shares; the sensor's serial seeds the draw.
     cells : mapping of str to PlannedCell
         Sites of the plan.
+
+    Returns
+    -------
+    dict of str to list of str
+        By session.
     """
     names = np.array(list(cells), dtype=object)
     order = np.random.default_rng(serial_seed(lab.serial)).permutation(len(names))
@@ -119,10 +123,32 @@ def make_session(
     out_folder: str | Path,
     workers: int = 1,
 ) -> None:
-    """Write a synthetic session folder, whole or not at all, from the true solutions truth_folder/<cell>.h5.
+    """Write a synthetic session folder, whole or not at all.
 
-    The same inputs give the same bytes, however many worker threads draw. Raises VirtualLabError when out_folder holds
-    anything but a synthetic session, and for a true solution that failed or does not reach a depth of the plan.
+    The same inputs give the same bytes, however many worker threads draw.
+
+    Parameters
+    ----------
+    lab : VirtualLab
+        Camera, imaging, particles and force sensor.
+    lab_session : VirtualSession
+        One of its sessions.
+    study : Study
+        Sensor and indenter as the user knows them.
+    cells : mapping of str to PlannedCell
+        Sites of the plan.
+    truth_folder : str or Path
+        Holds the true solutions <cell>.h5.
+    out_folder : str or Path
+        Of the session; a synthetic one in it is replaced.
+    workers : int
+        Threads.
+
+    Raises
+    ------
+    VirtualLabError
+        When out_folder holds anything but a synthetic session, and for a path that cannot be recorded. Also for a true
+        solution that failed or does not reach a depth of the plan.
     """
     out_folder = Path(out_folder)
     _refuse_real(out_folder)
@@ -351,31 +377,6 @@ def _record_press(bench: Bench, truth: Motion | PathMotion, images: Path, press:
             _write_image(images / image, expose(seen, lab.imaging, rng, bench.exposure(press)))
     rows[FORCE] = read_force(on_sensor, bench, rng)
     return rows[[*COLUMNS, *FORCE, "image"]]
-
-
-def read_truth(folder: Path, planned: PlannedCell, arrays: list[str] = TRUTH) -> Cell:
-    """Return the true solution of a planned site, or of the one that it mirrors, which must be converged and deep enough."""
-    path = folder / f"{planned.source or planned.name}.h5"
-    cell = read_cell(path, arrays)
-    if not cell.converged:
-        raise VirtualLabError(
-            f"{path}: the true solution of the site failed ({cell.attributes['reason']}); change the virtual lab's mesh"
-        )
-    if planned.follows_a_path:
-        depths = cell.arrays["depth_mm"]
-        if len(depths) != len(planned.depths_mm) or np.abs(depths - planned.depths_mm).max() > 1e-9:
-            raise VirtualLabError(
-                f"{path}: the truth has depths {depths.tolist()} mm, the path of site {planned.name} "
-                f"{list(planned.depths_mm)}; solve the site's truth again"
-            )
-        return cell
-    deepest = float(cell.arrays["depth_mm"].max())
-    if deepest < planned.depths_mm[-1] - 1e-9:
-        raise VirtualLabError(
-            f"{path}: the truth ends at {deepest} mm, but site {planned.name} is pressed to "
-            f"{planned.depths_mm[-1]} mm; solve the site's truth again"
-        )
-    return cell
 
 
 def _write_image(path: Path, image: np.ndarray) -> None:

@@ -19,14 +19,8 @@ from gelforge.recording.features import flow_features
 from gelforge.recording.optics.camera import project
 from gelforge.virtual_lab.imaging import discs
 from gelforge.virtual_lab.particles import VirtualLabError, place_particles, true_motion
-from gelforge.virtual_lab.session import (
-    TRUTH,
-    Press,
-    drawn_contact_point,
-    random_presses,
-    read_truth,
-    session_cells,
-)
+from gelforge.virtual_lab.session import Press, drawn_contact_point, random_presses, session_cells
+from gelforge.virtual_lab.true_solutions import TRUTH, read_truth
 
 
 @dataclass(frozen=True)
@@ -45,9 +39,32 @@ def true_presses(
     truth_folder: str | Path,
     recorded: Iterable[tuple[str, str, str]],
 ) -> Iterator[tuple[tuple[str, str], TruePress]]:
-    """Yield session and indentation, and the truth of each, for recorded indentations (session, press, cell), site by site.
+    """Yield session and indentation, and the truth of each, site by site.
 
-    Raises VirtualLabError for indentations that this virtual lab has not made.
+    Parameters
+    ----------
+    study : Study
+        Sensor and features.
+    lab : VirtualLab
+        That recorded the indentations.
+    cells : mapping of str to PlannedCell
+        Sites of the plan.
+    truth_folder : str or Path
+        Holds the true solutions <cell>.h5.
+    recorded : iterable of (str, str, str)
+        Session, indentation and site of each.
+
+    Yields
+    ------
+    tuple of str
+        Session and indentation.
+    TruePress
+        Feature, and forces on bins [N].
+
+    Raises
+    ------
+    VirtualLabError
+        For indentations that this virtual lab has not made.
     """
     made = _made_presses(lab, cells)
     wanted = sorted(set(recorded), key=lambda press: press[2])

@@ -64,7 +64,18 @@ COURSE = ("load", "shear", "unload")  # of an indentation that a recording can s
 
 
 def check_recordable(planned: PlannedCell) -> None:
-    """Raise VirtualLabError for a path that no indentations.csv can show: it turns nothing, and has one order of phases."""
+    """Refuse a path that no indentations.csv can show: it turns nothing, and has one order of phases.
+
+    Parameters
+    ----------
+    planned : PlannedCell
+        The site.
+
+    Raises
+    ------
+    VirtualLabError
+        Names the site and what its path has.
+    """
     moves = [phase for phase in planned.phases if phase != "dwell"]
     others = sorted(set(moves) - set(COURSE))
     down = [depth for depth, phase in zip(planned.depths_mm, planned.phases) if phase == "load"]
@@ -82,7 +93,22 @@ def check_recordable(planned: PlannedCell) -> None:
 
 
 def truth_digest(study: Study, lab: VirtualLab, planned: PlannedCell) -> str:
-    """Return the digest of everything that decides a site of the virtual sensor."""
+    """Return the digest of everything that decides a site of the virtual sensor.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor and indenter.
+    lab : VirtualLab
+        Its physics.
+    planned : PlannedCell
+        The site.
+
+    Returns
+    -------
+    str
+        SHA-256 in hexadecimal.
+    """
     return digest(
         {
             "sensor": study.sensor.model_dump(mode="json"),

@@ -8,7 +8,8 @@ import specimens
 from numpy.testing import assert_allclose
 
 from gelforge.config import ConfigError, Variant, load_study
-from gelforge.indentation.planning.plan import landmarks, plan_cells, plan_table, variant_cells
+from gelforge.indentation.planning.plan import landmarks, plan_cells, variant_cells
+from gelforge.indentation.planning.plan_table import plan_table
 from gelforge.indentation.sensor.symmetry import transform_points
 
 GRID = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4, 0.8]}

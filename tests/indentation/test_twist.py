@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
-from gelforge.indentation.planning.plan import plan_cells, plan_table
+from gelforge.indentation.planning.plan import plan_cells
+from gelforge.indentation.planning.plan_table import plan_table
 from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.indentation.solving.model import touched_discs
 from gelforge.indentation.solving.simulate import simulate_cell

@@ -8,7 +8,8 @@ from shared_data import MAPPINGS
 from gelforge.config import ConfigError, Fitting
 from gelforge.config.foreign.mapping import load_mapping
 from gelforge.csv_table import TableError
-from gelforge.materials.characterise import characterise_source, measured_effects
+from gelforge.materials.characterise import characterise_source
+from gelforge.materials.fits import measured_effects
 from gelforge.materials.readers.mapped_files import read_mapped, read_mapped_folder, read_microindentation
 from gelforge.materials.readers.material_source import read_sources
 

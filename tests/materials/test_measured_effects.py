@@ -12,7 +12,8 @@ from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.measured_effects import INFORMS
 from gelforge.materials.basis.segments import find_segments
-from gelforge.materials.characterise import characterise, characterise_source, measured_effects
+from gelforge.materials.characterise import characterise, characterise_source
+from gelforge.materials.fits import measured_effects
 from gelforge.materials.fitting.fit import FitError
 from gelforge.materials.fitting.law_file import read_law
 from gelforge.materials.readers.material_source import MaterialSource, read_sources, source_files, source_of

@@ -30,7 +30,20 @@ def _compile(part: str) -> None:
 
 
 def tiny_press(strain: str) -> Cell:
-    """Return the solution of a press on a coarse mesh, which compiles or loads the kernels and the direct solver."""
+    """Return the solution of an indentation of 0.5 mm on a coarse mesh.
+
+    It compiles or loads the kernels and the direct solver.
+
+    Parameters
+    ----------
+    strain : str
+        As `mechanics.strain` of a study: "finite" or "small".
+
+    Returns
+    -------
+    Cell
+        One site of the article's sensor.
+    """
     from gelforge.config import Mesh
     from gelforge.indentation.paths.planned_cell import PlannedCell
     from gelforge.indentation.solving.simulate import simulate_cell

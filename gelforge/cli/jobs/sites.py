@@ -16,7 +16,8 @@ from gelforge.laws_of_study import laws_and_doubts
 def plan(study: Path, out: Path) -> None:
     """Write the study's cells as a table."""
     from gelforge.files import write_text
-    from gelforge.indentation.planning.plan import plan_cells, plan_table
+    from gelforge.indentation.planning.plan import plan_cells
+    from gelforge.indentation.planning.plan_table import plan_table
 
     write_text(out, plan_table(plan_cells(load_study(study))).to_csv(index=False, lineterminator="\n"))
 

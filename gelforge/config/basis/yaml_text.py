@@ -73,7 +73,23 @@ def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
 
 
 def parsed(text: str) -> Any:
-    """Return the content of a YAML document. Raises NoYaml, in one line that begins with the place."""
+    """Return the content of a YAML document.
+
+    Parameters
+    ----------
+    text : str
+        The document.
+
+    Returns
+    -------
+    object
+        Mappings, lists and plain values.
+
+    Raises
+    ------
+    NoYaml
+        In one line that begins with the place.
+    """
     try:
         return _parsed(text)
     except yaml.MarkedYAMLError as error:

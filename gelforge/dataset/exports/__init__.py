@@ -13,7 +13,25 @@ NAMES: list[str] = names_in(f"{path}/formats" for path in __path__)
 
 
 def format_of(name: str) -> Export:
-    """Return a format by its name. Raises TypeError or ValueError for a file that defines no EXPORT of its own name."""
+    """Return a format by its name.
+
+    Parameters
+    ----------
+    name : str
+        A file of formats/, without suffix.
+
+    Returns
+    -------
+    Export
+        Writes the format.
+
+    Raises
+    ------
+    TypeError
+        For a file that defines no EXPORT.
+    ValueError
+        For a format whose own name is not the file's.
+    """
     from gelforge.dataset.exports.export import Export
 
     return defined(f"{__name__}.formats", name, "EXPORT", Export)

@@ -62,7 +62,18 @@ class RowImages:
 
 
 def pixels(encoded: bytes) -> np.ndarray:
-    """Return the pixels (H, W, C) of an encoded image, C 1 for grey."""
+    """Return the pixels of an encoded image.
+
+    Parameters
+    ----------
+    encoded : bytes
+        Content of a file such as PNG.
+
+    Returns
+    -------
+    numpy.ndarray
+        (H, W, C), C 1 for grey.
+    """
     with Image.open(io.BytesIO(encoded)) as image:
         values = np.array(image)
     return values[:, :, None] if values.ndim == 2 else values

@@ -19,7 +19,25 @@ NAMES: list[str] = names_in(f"{path}/layouts" for path in __path__)
 
 
 def layout_of(name: str) -> Layout:
-    """Return a layout by its name. Raises TypeError or ValueError for a file that defines no LAYOUT of its own name."""
+    """Return a layout by its name.
+
+    Parameters
+    ----------
+    name : str
+        A file of layouts/, without suffix.
+
+    Returns
+    -------
+    Layout
+        How such a set is laid out and read.
+
+    Raises
+    ------
+    TypeError
+        For a file that defines no LAYOUT.
+    ValueError
+        For a layout whose own name is not the file's.
+    """
     from gelforge.importing.public.labelled import Layout
 
     return defined(f"{__name__}.layouts", name, "LAYOUT", Layout)

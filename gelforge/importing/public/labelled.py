@@ -70,7 +70,31 @@ class Written:
 
 
 def write_labelled(layout: Layout, source: Path, folder: Path, options: Options, every: int = 1) -> Written:
-    """Write every n-th reading of a set into an empty folder. Raises ImportingError for readings that cannot be meant."""
+    """Write every n-th reading of a set into an empty folder.
+
+    Parameters
+    ----------
+    layout : Layout
+        Reads the set.
+    source : Path
+        Folder or file of the set.
+    folder : Path
+        Receives set.yaml, readings.csv, images/ and references/.
+    options : Options
+        What the command line says of the set.
+    every : int
+        n; 1 for all readings.
+
+    Returns
+    -------
+    Written
+        Counts, and the largest absolute force [N] by axis.
+
+    Raises
+    ------
+    ImportingError
+        For a set that is missing or empty, and for readings that cannot be meant.
+    """
     if not source.exists():
         raise ImportingError(f"{source}: no such file or folder; name that of the set")
     (folder / "images").mkdir()

@@ -205,5 +205,16 @@ def bin_forces(forces: np.ndarray, shares: sp.csr_matrix) -> np.ndarray:
 
 
 def without_dust(forces: np.ndarray) -> np.ndarray:
-    """Return the forces with components below DUST of the largest one replaced by exact zeros."""
+    """Return the forces with components below DUST of the largest one replaced by exact zeros.
+
+    Parameters
+    ----------
+    forces : numpy.ndarray
+        Of any shape [N].
+
+    Returns
+    -------
+    numpy.ndarray
+        Same shape [N].
+    """
     return np.where(np.abs(forces) < DUST * np.abs(forces).max(initial=0.0), 0.0, forces)

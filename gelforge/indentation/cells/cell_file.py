@@ -202,7 +202,20 @@ def timings_path(path: str | Path) -> Path:
 
 
 def check_finite(whose: str | Path, cell: Cell) -> None:
-    """Raise CellError, naming whose site it is, for a number that is not finite."""
+    """Refuse a site with a number that is not finite.
+
+    Parameters
+    ----------
+    whose : str or Path
+        Names the site in the message.
+    cell : Cell
+        Its arrays and attributes; those in UNKNOWN_IS_NAN may be NaN.
+
+    Raises
+    ------
+    CellError
+        Names the array, how many of its numbers are not finite, and the first.
+    """
     known = {name: value for name, value in cell.attributes.items() if name not in UNKNOWN_IS_NAN}
     for name, value in (cell.arrays | known).items():
         values = np.asarray(value)
@@ -227,6 +240,11 @@ def read_cell(path: str | Path, arrays: list[str] | None = None, if_held: Collec
         Names of the arrays that are read; all that a site holds if not given.
     if_held : collection of str
         Names of arrays that are read where the file has them.
+
+    Returns
+    -------
+    Cell
+        Arrays by name and attributes.
 
     Raises
     ------

@@ -76,6 +76,11 @@ def with_keys(study: Study, **families) -> Study:
     **families : dict
         Keys by family, e.g. kinematics={"yaw_deg": 1.0}.
 
+    Returns
+    -------
+    Study
+        A copy.
+
     Raises
     ------
     ConfigError
@@ -180,7 +185,22 @@ def _delamination(study, amount, place):
 
 
 def with_wall_side(study: Study, side: str, **losses: float) -> Study:
-    """Return the study with losses of the wall, or of the bond to it, along one side in addition to those that it has."""
+    """Return the study with losses of the wall, or of the bond to it, along one side in addition to those that it has.
+
+    Parameters
+    ----------
+    study : Study
+        Not changed.
+    side : str
+        "x_low", "x_high", "y_low" or "y_high".
+    **losses : float
+        Keys of WallSide: `wall_loss` and `bond_loss` [-], `width_mm` [mm].
+
+    Returns
+    -------
+    Study
+        A copy.
+    """
     others = [one.model_dump() for one in study.mechanics.effects.geometry.wall_sides]
     return with_keys(study, geometry={"wall_sides": [*others, {"side": side, **losses}]})
 

@@ -25,7 +25,24 @@ PARTS = 6  # sample points along an element's side: a share of volume to about 1
 def element_stiffness(
     mesh: Mesh, sensor: Sensor, mechanics: Mechanics
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Return the factors (E,) on the elements' moduli, shear and bulk; None where nothing changes any."""
+    """Return the factors on the elements' moduli, shear and bulk.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        E elements of the sensor as drawn.
+    sensor : Sensor
+        Its layers.
+    mechanics : Mechanics
+        Its effects of material and geometry.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        (E,) on the shear modulus [-]; None where no effect changes a modulus.
+    numpy.ndarray or None
+        (E,) on the bulk modulus [-]; None with the first.
+    """
     effects = mechanics.effects
     material, geometry = effects.material, effects.geometry
     top = sensor.layers[-1].name

@@ -55,6 +55,18 @@ def in_time(trajectory: Trajectory, timing: PressTiming) -> TimedPath:
 
     One that has times keeps them; one with phases of its own gets them from the speed, a pose that does not move is a wait.
     Planned depths become indentations of their own: down in steps, then the wait; the reading is at its end.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Depths [mm], with or without phases and times [s].
+    timing : PressTiming
+        Speed [mm/s], wait [s] and steps.
+
+    Returns
+    -------
+    TimedPath
+        The trajectory with times, its indentations, and which of its poses are readings.
     """
     if trajectory.times_s or trajectory.is_path:
         count = len(trajectory.depths_mm)

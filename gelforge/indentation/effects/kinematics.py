@@ -12,7 +12,22 @@ from gelforge.mechanics.indenters.shapes import Indenter as Shape
 
 
 def real_place(sensor: Sensor, effects: Effects, x: float, y: float) -> tuple[float, float]:
-    """Return where the indenter really is when it was sent to (x, y) [mm]: scaled and turned about the middle, shifted."""
+    """Return where the indenter really is: scaled and turned about the sensor's middle, then shifted.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Its widths.
+    effects : Effects
+        Their `kinematics`: grid scale [-], yaw [deg] and misregistration [mm].
+    x, y : float
+        Where it was sent [mm].
+
+    Returns
+    -------
+    tuple of float
+        x and y [mm].
+    """
     k = effects.kinematics
     if not (k.grid_scale or k.yaw_deg or any(k.misregistration_mm)):
         return x, y
@@ -23,7 +38,18 @@ def real_place(sensor: Sensor, effects: Effects, x: float, y: float) -> tuple[fl
 
 
 def machine_frame(effects: Effects) -> np.ndarray:
-    """Return the rotation (3, 3) from the machine's axes to the sensor's, which stands tilted in the machine."""
+    """Return the rotation from the machine's axes to the sensor's, which stands tilted in the machine.
+
+    Parameters
+    ----------
+    effects : Effects
+        Their `kinematics.tilt_deg`.
+
+    Returns
+    -------
+    numpy.ndarray
+        (3, 3).
+    """
     return rotation_about_axes([*effects.kinematics.tilt_deg, 0.0]).T
 
 

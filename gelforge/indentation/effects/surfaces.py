@@ -26,5 +26,16 @@ def surface_rises(sensor: Sensor, effects: Effects, places: np.ndarray) -> np.nd
 
 
 def top_slope(effects: Effects) -> np.ndarray:
-    """Return the slope (2,) [mm/mm] of the top surface: those of all layers add."""
+    """Return the slope of the top surface: those of all layers add.
+
+    Parameters
+    ----------
+    effects : Effects
+        Their `geometry.thickness`.
+
+    Returns
+    -------
+    numpy.ndarray
+        (2,), along x and y [mm/mm].
+    """
     return np.sum([[0.0, 0.0], *(real.gradient for real in effects.geometry.thickness.values())], axis=0)

@@ -59,9 +59,21 @@ def pairs_within(places: np.ndarray, tolerance_mm: float) -> np.ndarray:
 
 
 def chained(places: np.ndarray, tolerance_mm: float) -> np.ndarray:
-    """Return for each position (n,) the number of the first one of its group: single linkage.
+    """Return for each position the number of the first one of its group: single linkage.
 
     Two positions within the tolerance of each other are of one group, and so are those that a chain of such pairs joins.
+
+    Parameters
+    ----------
+    places : numpy.ndarray
+        (n, 2) [mm].
+    tolerance_mm : float
+        Largest distance of a pair.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,) int.
     """
     count = len(places)
     if not count:

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gelforge.config import NAME, ConfigError, Sensor, Study, given, variant_study
-from gelforge.csv_table import read_columns
+from gelforge.config import ConfigError, Sensor, Study, given, variant_study
 from gelforge.indentation.effects.kinematics import touches_a_slope
 from gelforge.indentation.paths.places import POSITION_MATCH_MM, gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
@@ -28,6 +25,7 @@ from gelforge.indentation.planning.plan_checks import (
     check_steps,
     check_unit,
 )
+from gelforge.indentation.planning.plan_table import cells_from_file
 from gelforge.indentation.planning.reach import check_reach, planned_reach
 from gelforge.indentation.planning.recorded_plan import cells_from_sessions
 from gelforge.indentation.planning.tolerance import place_tolerance_mm
@@ -36,12 +34,7 @@ from gelforge.indentation.sensor.indenter_shapes import check_press, check_wides
 from gelforge.indentation.sensor.sizes import check_indenter, check_sensor_size
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 
-if TYPE_CHECKING:  # pandas takes 0.3 s to import: only those who make or read tables pay for it
-    import pandas as pd
-
-PHASES = ("load", "shear", "tilt", "twist", "dwell", "unload")
 SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0  # of an indentation by hand: friction is followed step by step
-PATH_NUMBERS = ("shear_x_mm", "shear_y_mm", "tilt_x_deg", "tilt_y_deg", "twist_deg")
 
 
 def plan_cells(study: Study) -> dict[str, PlannedCell]:
@@ -78,7 +71,7 @@ def _described(study: Study, tolerance_mm: float) -> dict[str, PlannedCell]:
     plan = study.plan
     if plan.from_ == "sessions":
         return cells_from_sessions(study, tolerance_mm)
-    cells = _from_file(plan.file, plan.mm_per_unit or 1.0) if plan.file else _from_grid(study)
+    cells = cells_from_file(plan.file, plan.mm_per_unit or 1.0) if plan.file else _from_grid(study)
     check_unit(cells, study)
     return cells
 
@@ -100,7 +93,20 @@ CORNER_MM = 5.0  # the "corner" of Sferrazza et al. 2019: this far from two edge
 
 
 def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedCell]:
-    """Return the sites at "centre" and "corner" (5 mm from two edges, that of large x and y first) that exist."""
+    """Return the sites at "centre" and "corner" (5 mm from two edges, that of large x and y first) that exist.
+
+    Parameters
+    ----------
+    cells : dict of str to PlannedCell
+        Sites of the plan.
+    study : Study
+        Its sensor's widths.
+
+    Returns
+    -------
+    dict of str to PlannedCell
+        At most two, by "centre" and "corner".
+    """
     wx, wy = study.sensor.width_x_mm, study.sensor.width_y_mm
     corners = [(x, y) for x in (wx - CORNER_MM, CORNER_MM) for y in (wy - CORNER_MM, CORNER_MM)]
     sites = {}
@@ -117,7 +123,27 @@ def landmarks(cells: dict[str, PlannedCell], study: Study) -> dict[str, PlannedC
 
 
 def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> dict[str, PlannedCell]:
-    """Return the sites of a variant, each to be solved itself: a variant need not have the plan's symmetry."""
+    """Return the sites of a variant, each to be solved itself: a variant need not have the plan's symmetry.
+
+    Parameters
+    ----------
+    cells : dict of str to PlannedCell
+        Sites of the plan.
+    study : Study
+        Its `variants`.
+    variant : str
+        Name of one of them.
+
+    Returns
+    -------
+    dict of str to PlannedCell
+        Those that the variant names; without names the landmarks.
+
+    Raises
+    ------
+    ConfigError
+        For a site that is not in the plan, a plan without landmarks, or a site that the variant cannot press.
+    """
     names = study.variants[variant].cells or [cell.name for cell in landmarks(cells, study).values()]
     unknown = [name for name in names if name not in cells]
     if unknown:
@@ -129,32 +155,6 @@ def variant_cells(cells: dict[str, PlannedCell], study: Study, variant: str) -> 
     chosen = {name: replace(cells[name], source=None, symmetry=None, between="") for name in names}
     check_inside(chosen, variant_study(study, variant))
     return chosen
-
-
-def plan_table(cells: dict[str, PlannedCell]) -> pd.DataFrame:
-    """Return the plan as a table, one row per site and depth."""
-    import pandas as pd
-
-    rows = [
-        (c.name, c.x_mm, c.y_mm, depth, c.source or "", c.symmetry or "")
-        for c in cells.values()
-        for depth in c.depths_mm
-    ]
-    table = pd.DataFrame(rows, columns=["cell", "x_mm", "y_mm", "depth_mm", "source", "symmetry"])
-    if any(c.between for c in cells.values()):
-        table["interpolated"] = [bool(c.between) for c in cells.values() for _ in c.depths_mm]
-    if any(c.follows_a_path for c in cells.values()):
-        path = [step for c in cells.values() for step in _steps(c)]
-        table = table.join(pd.DataFrame(path, columns=["phase", *PATH_NUMBERS]))
-    return table
-
-
-def _steps(cell: PlannedCell) -> list[tuple]:
-    """Return phase, shears, tilts and twist of each depth of a site."""
-    count = len(cell.depths_mm)
-    phases, none = cell.phases or ("load",) * count, ((0.0, 0.0),) * count
-    moves = zip(phases, cell.shears_mm or none, cell.tilts_deg or none, cell.twists_deg or (0.0,) * count)
-    return [(phase, *shear, *tilt, twist) for phase, shear, tilt, twist in moves]
 
 
 def _axis(width: float, spacing: float, margin: float) -> np.ndarray:
@@ -183,78 +183,6 @@ def _from_grid(study: Study) -> dict[str, PlannedCell]:
     return cells
 
 
-def _from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
-    _, columns = read_columns(
-        path,
-        numbers=("x_mm", "y_mm", "depth_mm"),
-        optional_numbers=PATH_NUMBERS,
-        texts=("cell",),
-        optional_texts=("phase",),
-    )
-    names, phases = columns["cell"], columns["phase"]
-    places = np.column_stack([columns[name] for name in ("x_mm", "y_mm", "depth_mm")])
-    moves = np.nan_to_num(np.column_stack([columns[name] for name in PATH_NUMBERS]))
-    places, moves[:, :2] = places * mm_per_unit, moves[:, :2] * mm_per_unit  # the others are angles
-    rows_of: dict[str, list[int]] = {}
-    for row, name in enumerate(names):
-        rows_of.setdefault(name, []).append(row)
-    cells = {}
-    for name, rows in rows_of.items():
-        if not NAME.fullmatch(name):
-            raise ConfigError(f"{path}: site {name!r} is not a name; use letters, digits, '_' and '-'")
-        numbers, turns = places[rows], moves[rows]
-        if not np.isfinite(numbers).all():
-            raise ConfigError(
-                f"{path}: site {name} has an empty or non-finite number; fill x_mm, y_mm and depth_mm"
-            )
-        if np.ptp(numbers[:, :2], axis=0).max() > 1e-9:
-            raise ConfigError(f"{path}: site {name} has several positions; give each position its own site")
-        x, y = float(numbers[0, 0]), float(numbers[0, 1])
-        phased = [phases[row] for row in rows]
-        if turns.any() or any(phased):
-            cells[name] = _path(path, name, (x, y), numbers[:, 2], turns, phased)
-            continue
-        depths = tuple(sorted(numbers[:, 2]))
-        if depths[0] <= 0 or len(set(depths)) < len(depths):
-            raise ConfigError(
-                f"{path}: site {name} has depths {depths}; they must be positive and differ, unless phase or shear_x_mm, "
-                "shear_y_mm make its rows a path"
-            )
-        cells[name] = PlannedCell(name, x, y, depths)
-    return cells
-
-
-def _path(
-    file: Path,
-    name: str,
-    place: tuple[float, float],
-    depths: np.ndarray,
-    turns: np.ndarray,
-    phases: list[str],
-) -> PlannedCell:
-    """Return a site whose rows are followed in the order of the file; an empty phase is found from what moves."""
-    if depths[0] <= 0:
-        raise ConfigError(
-            f"{file}: site {name}: its path begins at depth {depths[0]:g} mm; begin with a positive depth"
-        )
-    before = np.vstack([np.zeros(6), np.column_stack([depths, turns])[:-1]])
-    moves = np.column_stack([depths, turns]) - before
-    for row, move in enumerate(moves):
-        phases[row] = phases[row] or _phase(move)
-        if phases[row] not in PHASES:
-            raise ConfigError(f"{file}: site {name}: phase {phases[row]!r} is not one of {', '.join(PHASES)}")
-    shears, tilts = ([(float(a), float(b)) for a, b in turns[:, k : k + 2]] for k in (0, 2))
-    return PlannedCell(
-        name,
-        *place,
-        tuple(map(float, depths)),
-        phases=tuple(phases),
-        shears_mm=tuple(shears) if turns[:, :2].any() else (),
-        tilts_deg=tuple(tilts) if turns[:, 2:4].any() else (),
-        twists_deg=tuple(map(float, turns[:, 4])) if turns[:, 4].any() else (),
-    )
-
-
 def press_path(
     name: str,
     x: float,
@@ -280,6 +208,11 @@ def press_path(
         Then come back by the same depths.
     twist : float
         Before unloading turn about z, through the indenter's centre [deg], in steps of TWIST_STEP_DEG at most.
+
+    Returns
+    -------
+    PlannedCell
+        Path with its phases; without shear, twist and unloading depths alone.
     """
     if shear is None and not twist and not unload:
         return PlannedCell(name, x, y, tuple(depths))
@@ -308,13 +241,6 @@ def _shares(length: float, step: float) -> list[float]:
     """Return the shares, increasing to 1, at which a move of this length stops to be in steps of at most `step`."""
     parts = max(1, math.ceil(length / step - 1e-9))
     return [k / parts for k in range(1, parts + 1)]
-
-
-def _phase(move: np.ndarray) -> str:
-    """Return what a step (depth, shear x, y, tilt x, y, twist) is called."""
-    if move[0]:
-        return "load" if move[0] > 0 else "unload"
-    return "shear" if move[1:3].any() else "tilt" if move[3:5].any() else "twist" if move[5] else "dwell"
 
 
 def check_inside(cells: dict[str, PlannedCell], study: Study) -> None:

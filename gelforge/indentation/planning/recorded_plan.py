@@ -51,8 +51,26 @@ def cells_from_presses(
     """Return a site for each position that is visited, with the depths pressed there.
 
     A site lies at its first indentation: sessions that are added later do not move it. It takes the recorded name where
-    there is one, else prefix and number, p0000, p0001, ..., in the order of first pressing. Raises ConfigError where one
-    name stands for two positions.
+    there is one, else prefix and number, p0000, p0001, ..., in the order of first pressing.
+
+    Parameters
+    ----------
+    presses : sequence of RecordedPlace
+        In the order recorded [mm].
+    tolerance_mm : float
+        Positions within it are one site.
+    prefix : str
+        Of names that are made.
+
+    Returns
+    -------
+    dict of str to PlannedCell
+        By name, in the order of first pressing.
+
+    Raises
+    ------
+    ConfigError
+        Where one name stands for two positions.
     """
     xy = np.array([(one.x_mm, one.y_mm) for one in presses]).reshape(-1, 2)
     first = visited(xy, tolerance_mm, [one.site for one in presses])
@@ -76,7 +94,24 @@ def cells_from_presses(
 def places_of(folder: Path, width_mm: tuple[float, float]) -> tuple[RecordedPlace, ...]:
     """Return where a session's indentations were made, in the order recorded; what else they hold is checked by the reader.
 
-    Raises ConfigError or TableError for a session that is not there, or whose positions cannot be right.
+    Parameters
+    ----------
+    folder : Path
+        Of the session.
+    width_mm : tuple of float
+        Of the sensor along x and y [mm].
+
+    Returns
+    -------
+    tuple of RecordedPlace
+        Positions and depths [mm] in the sensor frame.
+
+    Raises
+    ------
+    ConfigError
+        For a session that is not there, or whose positions cannot be right.
+    TableError
+        For a table that cannot be read.
     """
     table, described = folder / "indentations.csv", folder / "session.yaml"
     for path in (described, table):

@@ -12,9 +12,23 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 
 def check_stable_ahead(study: Study, laws: dict[str, PrincipalLaw], cells: dict[str, PlannedCell]) -> None:
-    """Refuse laws, by material, that are unstable at a stretch that the deepest site of the plan may reach.
+    """Refuse laws that are unstable at a stretch that the deepest site of the plan may reach.
 
-    The same check stands before every solution (simulate.model_of); here it needs no mesh. Raises ConfigError.
+    The same check stands before every solution (simulate.model_of); here it needs no mesh.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor, indenter, mechanics and approach.
+    laws : dict of str to PrincipalLaw
+        By material [MPa].
+    cells : dict of str to PlannedCell
+        Sites of the plan, at least one.
+
+    Raises
+    ------
+    ConfigError
+        Names layer, load case and stretch.
     """
     sensor, effects = study.sensor, study.mechanics.effects
     if study.mechanics.strain != "finite":  # small strains use the laws at rest only

@@ -14,10 +14,24 @@ REPEATABILITIES, LEAST_REPEATABILITIES = 5.0, 3.0
 
 
 def place_tolerance_mm(study: Study) -> float:
-    """Return within which distance [mm] recorded positions are at a site of the study's plan.
+    """Return within which distance recorded positions are at a site of the study's plan.
 
-    The key plan.tolerance_mm, or what the largest repeatability of its sessions' stages asks for. Raises ConfigError where
-    the key is below three times that repeatability.
+    The key plan.tolerance_mm, or what the largest repeatability of its sessions' stages asks for.
+
+    Parameters
+    ----------
+    study : Study
+        Its plan and sessions.
+
+    Returns
+    -------
+    float
+        [mm].
+
+    Raises
+    ------
+    ConfigError
+        Where the key is below three times that repeatability.
     """
     repeatability, given = stage_repeatability_mm(study), study.plan.tolerance_mm
     if given is None:

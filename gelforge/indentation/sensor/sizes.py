@@ -93,7 +93,18 @@ def check_indenter(study: Study) -> None:
 
 
 def indenter_words(indenter: Indenter) -> list[str]:
-    """Return of each part of an indenter its extents [mm], and of a file where its lowest point is next to the position."""
+    """Return of each part of an indenter its extents [mm], and of a file where its lowest point is next to the position.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        One shape, or parts with offsets [mm].
+
+    Returns
+    -------
+    list of str
+        A line for each part.
+    """
     lines = []
     for part in indenter.shapes:
         corners = part_corners(part)

@@ -28,7 +28,18 @@ def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:
 
 
 def axes_of_stage(stage: StageToSensor) -> np.ndarray:
-    """Return the directions of the stage's axes in the sensor frame, as columns (2, 2)."""
+    """Return the directions of the stage's axes in the sensor frame.
+
+    Parameters
+    ----------
+    stage : StageToSensor
+        Its rotation and handedness.
+
+    Returns
+    -------
+    numpy.ndarray
+        (2, 2), one unit vector per column.
+    """
     c, s = np.cos(np.deg2rad(stage.rotation_deg)), np.sin(np.deg2rad(stage.rotation_deg))
     H = np.diag([1.0, -1.0 if stage.handedness == "left" else 1.0])
     return np.array([[c, -s], [s, c]]) @ H

@@ -44,6 +44,11 @@ def transform_points(name: str, points: np.ndarray, width: float) -> np.ndarray:
         In the sensor's frame [mm].
     width : float
         Of the square [mm].
+
+    Returns
+    -------
+    numpy.ndarray
+        Same shape [mm].
     """
     moved = np.array(points, dtype=float)
     moved[..., :2] = (moved[..., :2] - width / 2) @ D4[name].T + width / 2

@@ -60,7 +60,20 @@ def bin_points(sensor: Sensor) -> np.ndarray:
 
 
 def rolled(sensor: Sensor, places: np.ndarray) -> np.ndarray:
-    """Return the points (..., 3) [mm] of the undeformed surface at places (..., 2) [mm] in the rectangle of the bins."""
+    """Return the points of the undeformed surface at places in the rectangle of the bins.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Its shape and bins.
+    places : numpy.ndarray
+        (..., 2) [mm].
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 3) [mm] in the sensor frame; z is 0 unless the sensor is a dome.
+    """
     if sensor.shape.kind != "dome":
         return np.concatenate([places, np.zeros((*places.shape[:-1], 1))], axis=-1)
     a, b, c = _axes(sensor)

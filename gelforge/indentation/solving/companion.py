@@ -53,6 +53,11 @@ def simulate_label(
     outside : dict of Outside, optional
         See simulate_cell.
 
+    Returns
+    -------
+    Cell
+        Arrays by depth as in cell_file.DATASETS.
+
     Raises
     ------
     ConfigError

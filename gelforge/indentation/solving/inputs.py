@@ -24,6 +24,11 @@ def inputs_digest(study: Study, laws: Mapping[str, PrincipalLaw], planned: Plann
         By material.
     planned : PlannedCell
         The site and its path.
+
+    Returns
+    -------
+    str
+        SHA-256 in hexadecimal.
     """
     return digest(
         {
@@ -62,6 +67,22 @@ def solution_digest(
     """Return the digest of everything that decides a solved site's file, its error bars and warnings too.
 
     These follow the covariances and tested ranges in the files of the laws.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor, indenter and mechanics.
+    laws : mapping of str to PrincipalLaw
+        By material.
+    planned : PlannedCell
+        The site.
+    law_files : iterable of Path
+        Files of the laws, in any order.
+
+    Returns
+    -------
+    str
+        SHA-256 in hexadecimal.
     """
     files = sorted(file_sha256(path) for path in law_files)
     return digest(

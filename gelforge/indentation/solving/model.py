@@ -103,7 +103,24 @@ def _taken_along(base: Model, sensor: Sensor, touched: np.ndarray, place: np.nda
 def meshes_of(
     sensor: Sensor, described: Shape, mechanics: Mechanics, trajectory: Trajectory
 ) -> tuple[Mesh, Mesh]:
-    """Return the mesh for a trajectory of the sensor as drawn, in which effects have their places, and as it really is."""
+    """Return the meshes for a trajectory: of the sensor as drawn, in which effects have their places, and as it really is.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        As drawn.
+    described : Shape
+        The indenter, as the configuration describes it.
+    mechanics : Mechanics
+        Sizes of the mesh [mm], and effects.
+    trajectory : Trajectory
+        Position and poses [mm, deg].
+
+    Returns
+    -------
+    tuple of Mesh
+        As drawn and as it is; the elements are the same.
+    """
     effects = mechanics.effects
     drawn = sensor_mesh(
         sensor,

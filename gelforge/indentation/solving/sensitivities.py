@@ -74,7 +74,18 @@ class Derivative:
 
 
 def derivable(name: str) -> bool:
-    """Return whether an effect has a derivative at zero: not one that is on or off."""
+    """Return whether an effect has a derivative at zero: not one that is on or off.
+
+    Parameters
+    ----------
+    name : str
+        A key of CATALOGUE.
+
+    Returns
+    -------
+    bool
+        False for a binary effect.
+    """
     return not CATALOGUE[name].binary
 
 

@@ -71,7 +71,20 @@ def solved_cell(
     planned: PlannedCell,
     outside: dict[str, Outside] | None = None,
 ) -> tuple[Cell, Solution]:
-    """Return what simulate_cell does, and the solution along which derivatives can be taken."""
+    """Return what `simulate_cell` does, and the solution along which derivatives can be taken.
+
+    Parameters
+    ----------
+    study, laws, planned, outside
+        As of `simulate_cell`.
+
+    Returns
+    -------
+    Cell
+        As of `simulate_cell`.
+    Solution
+        Model, solver and the states that were reached.
+    """
     sensor = study.sensor
     tested = {layer.name: (outside or {}).get(layer.material) for layer in sensor.layers}
     trajectory = Trajectory.of(planned, study.plan.approach)
@@ -90,7 +103,28 @@ def simulate_trajectory(
     trajectory: Trajectory,
     outside: dict[str, Outside | None] | None = None,
 ) -> Cell:
-    """Return the solution of a trajectory; laws are named by layer. What fails ends the site, with its reason."""
+    """Return the solution of a trajectory. What fails ends the site, with its reason.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Layers and bins.
+    indenter : Indenter
+        Its shape [mm].
+    mechanics : Mechanics
+        Mesh, contact, friction and effects.
+    laws : dict of str to PrincipalLaw
+        By layer [MPa].
+    trajectory : Trajectory
+        Position and poses [mm, deg].
+    outside : dict of Outside, optional
+        By layer, whether principal stretches leave the range in which its law was tested.
+
+    Returns
+    -------
+    Cell
+        As of `simulate_cell`.
+    """
     return _simulated(sensor, indenter, mechanics, laws, trajectory, outside, None)[0]
 
 

@@ -9,9 +9,28 @@ from gelforge.mechanics.solving.yielding import follow_yielding
 
 
 def unloaded(solution: Solution, peak: int, poses: np.ndarray) -> np.ndarray:
-    """Return the forces (n, 3) [N] of an unloading from pose number `peak` of a solved loading through earlier poses (n,).
+    """Return the forces of an unloading from a pose of a solved loading, through earlier poses.
 
-    They are those of one path through the loading to its peak and back. The body must not remember. Raises NotConverged.
+    They are those of one path through the loading to its peak and back. The body must not remember.
+
+    Parameters
+    ----------
+    solution : Solution
+        Of the loading.
+    peak : int
+        Number of the pose at which the unloading begins.
+    poses : numpy.ndarray
+        (n,) int, numbers of earlier poses in their order.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, 3), total force on the sensor [N].
+
+    Raises
+    ------
+    NotConverged
+        Where a step finds no equilibrium.
     """
     model, reached = solution.model, solution.followed.states[peak]
     way = model.centres[poses]

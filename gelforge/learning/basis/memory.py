@@ -17,7 +17,23 @@ ASKED = re.compile(r"allocate (\d+) bytes|allocate ([\d.]+ [KMGT]iB)")
 
 @contextmanager
 def memory_named(remedy: str) -> Iterator[None]:
-    """Raise ModelError with the remedy where the block runs out of memory; another error passes."""
+    """Give a block that runs out of memory an error with a remedy; other errors pass.
+
+    Parameters
+    ----------
+    remedy : str
+        What to change.
+
+    Yields
+    ------
+    None
+        To the block.
+
+    Raises
+    ------
+    ModelError
+        Where the block runs out of memory.
+    """
     try:
         yield
     except (MemoryError, RuntimeError) as error:

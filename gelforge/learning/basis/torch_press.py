@@ -53,9 +53,23 @@ class _Press(torch.autograd.Function):
 def forces_as_tensors(solved: Callable, values: Mapping[str, Tensor | float]) -> TorchForces:
     """Return the forces of an indentation as tensors whose gradients are the derivatives that come with its solution.
 
-    solved(numbers, along): total_force_N (D, 3), bin_force_N (D, B, 3), and total_slope and bin_slope by name, at numbers by
-    name, with the derivatives along these names. values: tensors of one element, or floats, by name. Raises ConfigError for
-    tensors of more than one element.
+    Parameters
+    ----------
+    solved : callable
+        Takes numbers by name and the names along which derivatives are wanted. Returns total_force_N (D, 3) and bin_force_N
+        (D, B, 3), and by name total_slope and bin_slope of the same shapes [N per unit].
+    values : mapping of str to tensor of one element, or float
+        By name.
+
+    Returns
+    -------
+    TorchForces
+        float64 on the CPU [N].
+
+    Raises
+    ------
+    ConfigError
+        For tensors of more than one element, and values that are no numbers.
     """
     try:
         tensors = [

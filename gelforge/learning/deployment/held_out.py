@@ -41,7 +41,27 @@ class HeldOut:
 
 
 def held_out(predictions: Predictions, session: str, feature_file: str | Path) -> HeldOut | None:
-    """Return at most IMAGES held-out rows of a session, evenly spread; None where none is of this session."""
+    """Return at most IMAGES held-out rows of a session, evenly spread.
+
+    Parameters
+    ----------
+    predictions : Predictions
+        On held-out rows.
+    session : str
+        Its name.
+    feature_file : str or Path
+        Its features, which name the images.
+
+    Returns
+    -------
+    HeldOut or None
+        None where no row is of this session.
+
+    Raises
+    ------
+    ModelError
+        For a file of features that is damaged or lacks an image.
+    """
     rows = np.flatnonzero(predictions.session == session)
     if not len(rows):
         return None
@@ -72,8 +92,28 @@ def check_held_out(
 ) -> OnnxCheck:
     """Return how far ONNX Runtime's forces of images are from PyTorch's.
 
-    model: model.onnx; known: what PyTorch says, with the model of this SHA-256; folder, session: where the images are.
-    Raises ModelError where a difference is above LIMIT, or the file was exported from another model.
+    Parameters
+    ----------
+    model : str or Path
+        model.onnx.
+    known : HeldOut
+        What PyTorch says.
+    model_sha256 : str
+        Of the model with which it does.
+    folder : Path
+        Session that holds the images.
+    session : Session
+        Its camera and crop.
+
+    Returns
+    -------
+    OnnxCheck
+        Differences [-] of forces and of the check of totals.
+
+    Raises
+    ------
+    ModelError
+        Where a difference is above LIMIT, or the file was exported from another model.
     """
     predictor = Predictor(model)
     if predictor.model.model_sha256 != model_sha256:

@@ -82,9 +82,24 @@ class FeaturesToNewtons(nn.Module):
 
 
 def export_onnx(model_path: str | Path, out: str | Path) -> list[Difference]:
-    """Write a model.pt as an ONNX file; return the largest difference of each output from PyTorch's.
+    """Write a model.pt as an ONNX file; nothing is written if its outputs differ from PyTorch's.
 
-    Raises ModelError where one is above its limit, and writes nothing.
+    Parameters
+    ----------
+    model_path : str or Path
+        model.pt.
+    out : str or Path
+        The ONNX file.
+
+    Returns
+    -------
+    list of Difference
+        Largest difference of each output from PyTorch's.
+
+    Raises
+    ------
+    ModelError
+        Where one is above its limit.
     """
     model = load_model(model_path)
     content = onnx_bytes(model, file_sha256(model_path))

@@ -16,9 +16,26 @@ class NoOperator(ValueError):
 
 
 def inverse_of(study: Study, laws: dict[str, PrincipalLaw], views: dict[str, dict]) -> Inverse:
-    """Return the inverse of a study's sensor; laws [MPa]: by material, views: of its images by session, as `view_of`.
+    """Return the inverse of a study's sensor.
 
-    Raises NoOperator where the sensor is no block of hexahedra with particles, or its one camera is not described.
+    Parameters
+    ----------
+    study : Study
+        A block of hexahedra with particles.
+    laws : dict of str to PrincipalLaw
+        By material [MPa].
+    views : dict of str to dict
+        Of its images by session, as `view_of`.
+
+    Returns
+    -------
+    Inverse
+        From image flow [px] to forces on bins [N].
+
+    Raises
+    ------
+    NoOperator
+        Where the sensor is no block of hexahedra with particles, or its one camera is not described.
     """
     if study.tetrahedra:
         raise NoOperator("the sensor is no block of hexahedra")

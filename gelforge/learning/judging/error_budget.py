@@ -20,12 +20,22 @@ AGAINST_LABEL, AGAINST_TRUTH, CONTACT_POINT = "against the label", "against the 
 
 
 def error_budget_table(predictions: Predictions) -> pd.DataFrame | None:
-    """Return rms errors of pressed bins and of totals of touched test rows [N], by part; None where no truth is known.
+    """Return rms errors of pressed bins and of totals of touched test rows [N], by part.
 
     `optics` and `learning` share out the mean square of p - y (`against the label`) by `shared_out`; `mechanics` is the rms
     of y - t and `against the truth` that of p - t; `contact point` that of the true force at the depth reached less that at
     the commanded one, which is in learning and in mechanics. Pressed bins are those whose label is not zero, as of RMSES.
     flow_px, flow_off_px, flow_off_mm, with optics: rms of the true motion over image regions, and of what the flow is off.
+
+    Parameters
+    ----------
+    predictions : Predictions
+        On test rows: p predicted, y label, t truth.
+
+    Returns
+    -------
+    pandas.DataFrame or None
+        A row for each part; None where no truth is known.
     """
     if not predictions.has_truth:
         return None

@@ -19,6 +19,16 @@ def rmse_table(predictions: Predictions) -> pd.DataFrame:
 
     RMSE over all bins and rows; RMSES over the entries whose true force is not zero; RMSET over the rows' total forces,
     against the sum of the true bins (FEM) or the readings (FT). RMSES_TRAINING is RMSES over rows that trained the network.
+
+    Parameters
+    ----------
+    predictions : Predictions
+        On test rows, and on rows that trained the network.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each error, a column for each axis [N]; NaN where no entry counts.
     """
     names = ("RMSE", "RMSES", "RMSES_TRAINING", "RMSET_FEM", "RMSET_FT")
     squares = {name: np.zeros(3) for name in names}
@@ -106,6 +116,16 @@ def baselines_table(predictions: Predictions) -> pd.DataFrame:
     """Return the network's errors next to those of what is simpler: what it must beat to be of use.
 
     Baselines on the same rows and inputs (`baselines`), the mean label of training, no force at all.
+
+    Parameters
+    ----------
+    predictions : Predictions
+        On test rows.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each predictor with the figures of RowErrors [N, mm].
     """
     names = ("network", *predictions.baselines, "training mean", "zero")
     rows = {name: RowErrors.of(predictions, name).figures() for name in names}
@@ -124,7 +144,16 @@ WALL_SHARES = (
 def errors_by_table(predictions: Predictions) -> pd.DataFrame:
     """Return the network's errors by depth, place, distance to training, session, phase and indenter: where it fails.
 
-    by, class, rows, the figures of RowErrors, the share of rows whose total disagrees with inverse elasticity.
+    Parameters
+    ----------
+    predictions : Predictions
+        On test rows.
+
+    Returns
+    -------
+    pandas.DataFrame
+        by, class, rows, the figures of RowErrors [N, mm], and the share of rows whose total disagrees with inverse
+        elasticity [-]. Classes without rows are left out.
     """
     errors, rows = RowErrors.of(predictions), []
     for by, name, chosen in _classes(predictions):
@@ -183,10 +212,19 @@ LIGHT_N = 0.05
 def reliability_table(predictions: Predictions) -> pd.DataFrame:
     """Return how far the network is to be trusted: zeros, contacts seen, light indentations, the centre, intervals.
 
-    quantity, value, unit: Fz of untouched images (rms); share of contacts of CONTACT_N and more that are seen; mean error of
-    indentations up to LIGHT_N; the centre of pressure's distance (median, 95th percentile of touched rows); how many of the
-    bins that carry force, and of the totals of touched rows, lie in their 90 % intervals, and the intervals' mean half
-    widths.
+    Fz of untouched images (rms); share of contacts of CONTACT_N and more that are seen; mean error of indentations up to
+    LIGHT_N; the centre of pressure's distance (median, 95th percentile of touched rows). Of the bins that carry force, and
+    of the totals of touched rows, the share in their 90 % intervals, and the intervals' mean half widths.
+
+    Parameters
+    ----------
+    predictions : Predictions
+        On test rows.
+
+    Returns
+    -------
+    pandas.DataFrame
+        quantity, value and unit.
     """
     errors = RowErrors.of(predictions)
     predicted, true, seen, distance = errors.total, errors.true_total, errors.seen, errors.distance

@@ -92,7 +92,15 @@ class Model:
 
 
 def save_model(path: str | Path, model: Model) -> None:
-    """Write weights, scaling and settings as one file, whole or not at all; it holds tensors, numbers and text only."""
+    """Write weights, scaling and settings as one file, whole or not at all; it holds tensors, numbers and text only.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    model : Model
+        The network with its scaling, settings and thresholds.
+    """
     content = {
         "format": FORMAT,
         "weights": model.network.state_dict(),
@@ -136,9 +144,21 @@ def load_tensors(path: str | Path, kind: str) -> dict:
 
 
 def check_trained_on(path: str | Path, settings: dict) -> None:
-    """Raise ModelError for a model that was trained with other settings, or on other shards, than a study's.
+    """Refuse a model that was trained with other settings, or on other shards, than a study's.
 
-    settings: of the study, as `Model.settings`. What an older model does not state is not compared.
+    What an older model does not state is not compared.
+
+    Parameters
+    ----------
+    path : str or Path
+        The model's file.
+    settings : dict
+        Of the study, as `Model.settings`.
+
+    Raises
+    ------
+    ModelError
+        Names what differs.
     """
     model, remedy = load_model(path).settings, f"train the model again (snakemake -R {path})"
     complete = Learning.model_validate(model["learning"]).usual

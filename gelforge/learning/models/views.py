@@ -11,13 +11,39 @@ from gelforge.learning.models.model_file import Model
 
 
 def views_of(shards: Sequence[str | Path]) -> dict[str, dict]:
-    """Return by session what a dataset's images are, as `view_of`."""
+    """Return by session what a dataset's images are.
+
+    Parameters
+    ----------
+    shards : sequence of str or Path
+        All shards of the dataset.
+
+    Returns
+    -------
+    dict of str to dict
+        As `view_of`; empty for a session without a view.
+    """
     sessions = {n: about for path in shards for n, about in shard_attributes(path)["sessions"].items()}
     return {name: about.get("view") or {} for name, about in sorted(sessions.items())}
 
 
 def check_same_images(model: Model, regions: int, views: dict[str, dict]) -> None:
-    """Raise ModelError unless recorded images are of the model's kind; views: by session, as `view_of`."""
+    """Refuse recorded images that are not of the model's kind.
+
+    Parameters
+    ----------
+    model : Model
+        Its settings state what it was trained on.
+    regions : int
+        Image regions a side of the features.
+    views : dict of str to dict
+        By session, as `view_of`.
+
+    Raises
+    ------
+    ModelError
+        Names what differs and the keys that settle it.
+    """
     of_model = model.settings["features"]["regions"]
     if regions != of_model:
         raise ModelError(

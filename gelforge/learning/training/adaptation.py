@@ -48,7 +48,18 @@ class Adaptation:
 
 
 def press_names(rows: ShardDataset) -> np.ndarray:
-    """Return for each row the indentation (N,) whose force was measured, "" for an untouched or unmeasured one."""
+    """Return for each row the indentation whose force was measured.
+
+    Parameters
+    ----------
+    rows : ShardDataset
+        N rows.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N,) of "session/press"; "" for an untouched or unmeasured row.
+    """
     names = [np.empty(0, object)]
     for block in rows.batches(("total_force_ft_N", "untouched", "press", "session"), 8192):
         known = ~block["untouched"] & np.isfinite(block["total_force_ft_N"]).all(axis=1)
@@ -58,7 +69,22 @@ def press_names(rows: ShardDataset) -> np.ndarray:
 
 
 def measured_presses(rows: ShardDataset, names: np.ndarray, chosen: set[str] | None = None) -> Presses:
-    """Return the rows of indentations (names as press_names) whose force was measured, all or the chosen."""
+    """Return the rows of indentations whose force was measured.
+
+    Parameters
+    ----------
+    rows : ShardDataset
+        N rows.
+    names : numpy.ndarray
+        (N,), as `press_names` returns them.
+    chosen : set of str, optional
+        Names of the indentations; all if not given.
+
+    Returns
+    -------
+    Presses
+        Features (n, F), total forces (n, 3) [N] and names (n,).
+    """
     index = np.flatnonzero([name != "" and (chosen is None or name in chosen) for name in names])
     if not len(index):
         return Presses(np.empty((0, 0)), np.empty((0, 3)), np.empty(0, object))
@@ -67,7 +93,27 @@ def measured_presses(rows: ShardDataset, names: np.ndarray, chosen: set[str] | N
 
 
 def drawn_presses(names: np.ndarray, count: int, seed: int) -> set[str]:
-    """Return the names of indentations drawn at random. Raises ModelError for more than there are or fewer than needed."""
+    """Return the names of indentations drawn at random.
+
+    Parameters
+    ----------
+    names : numpy.ndarray
+        (N,), as `press_names` returns them.
+    count : int
+        How many.
+    seed : int
+        Of the draw.
+
+    Returns
+    -------
+    set of str
+        `count` names.
+
+    Raises
+    ------
+    ModelError
+        For more than there are or fewer than LEAST_PRESSES.
+    """
     known = np.unique(names[names != ""].astype(str))
     if not LEAST_PRESSES <= count <= len(known):
         raise ModelError(
@@ -80,10 +126,28 @@ def drawn_presses(names: np.ndarray, count: int, seed: int) -> set[str]:
 def adapt(model: Model, presses: Presses) -> tuple[Model, Adaptation]:
     """Return the model with gains that make its totals those measured, and how they were chosen.
 
-    Gains are least squares through zero. Of no gain, one, and two, the simplest is taken that no other, whose gains
-    are sure, betters clearly on indentations left out one at a time. Thresholds follow the gain; intervals follow it too,
-    and those of totals are widened or narrowed to hold nine in ten of the errors at hand. Raises ModelError for a vertical
-    gain of no sensor of the model's kind.
+    Gains are least squares through zero. Of no gain, one, and two, the simplest is taken that no other with sure gains
+    betters clearly on indentations left out one at a time. Thresholds follow the gain; intervals follow it too,
+    and those of totals are widened or narrowed to hold nine in ten of the errors at hand.
+
+    Parameters
+    ----------
+    model : Model
+        Trained.
+    presses : Presses
+        Features, and measured total forces [N] of another sensor.
+
+    Returns
+    -------
+    Model
+        A copy; its settings state the gains.
+    Adaptation
+        Form and gains [-], errors of each form, and how far intervals were widened [-].
+
+    Raises
+    ------
+    ModelError
+        For a vertical gain of no sensor of the model's kind.
     """
     said = predicted(model, presses.feature).sum(axis=1)  # (n, 3)
     error = {form: _left_out(said, presses, axes) for form, axes in FORMS.items()}
@@ -189,7 +253,20 @@ def predicted(model: Model, feature: np.ndarray) -> np.ndarray:
 
 
 def errors_table(models: dict[str, Model], presses: Presses) -> pd.DataFrame:
-    """Return the rms error of the total force [N] of models on indentations, and the share in their 90 % intervals."""
+    """Return the rms error of the total force of models on indentations, and the share in their 90 % intervals.
+
+    Parameters
+    ----------
+    models : dict of str to Model
+        By name.
+    presses : Presses
+        Features and measured total forces [N].
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each model: rms [N] and share [-] by axis, the share NaN without intervals.
+    """
     rows = []
     for name, model in models.items():
         force = predicted(model, presses.feature)

@@ -330,7 +330,20 @@ def shards_digest(shards: Sequence[str | Path]) -> str:
 
 
 def model_settings(study: Study, shards: Sequence[str | Path]) -> dict:
-    """Return what the model file says about its making; plain numbers and text."""
+    """Return what the model file says about its making; plain numbers and text.
+
+    Parameters
+    ----------
+    study : Study
+        Learning, features, dataset, bins and seed.
+    shards : sequence of str or Path
+        All shards of the dataset.
+
+    Returns
+    -------
+    dict
+        As `Model.settings`.
+    """
     dump = study.model_dump(mode="json", include={"study", "seed", "features", "dataset"})
     attributes = [shard_attributes(path) for path in shards]
     sessions = {name: about for one in attributes for name, about in one["sessions"].items()}

@@ -76,7 +76,18 @@ def common_hold(held: list[Relaxation]) -> tuple[float, float]:
 
 
 def alike_groups(tests: list[MaterialTest]) -> list[list[MaterialTest]]:
-    """Return the tests of one kind in groups that are equal in every circumstance, as far as it is known."""
+    """Return the tests of one kind in groups that are equal in every circumstance, as far as it is known.
+
+    Parameters
+    ----------
+    tests : list of MaterialTest
+        Of any kinds.
+
+    Returns
+    -------
+    list of list of MaterialTest
+        Every test is in one group.
+    """
     return _grouped(tests, [(test.test, *key) for test, key in zip(tests, _keys(tests))])
 
 

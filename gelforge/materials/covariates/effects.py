@@ -146,7 +146,23 @@ class Scatter:
 
 
 def scatter_between(groups: list[list[MaterialTest]]) -> Scatter:
-    """Return the scatter between samples, pooled over groups of repeats made under the same circumstances."""
+    """Return the scatter between samples, pooled over groups of repeats made under the same circumstances.
+
+    Parameters
+    ----------
+    groups : list of list of MaterialTest
+        Those of a single test are left out.
+
+    Returns
+    -------
+    Scatter
+        Standard deviation of ln of the nominal stress [-], and its degrees of freedom.
+
+    Raises
+    ------
+    ValueError
+        Where no group has two tests.
+    """
     logarithms = [levels(group)[0] for group in groups if len(group) > 1]
     freedom = sum(len(y) - 1 for y in logarithms)
     if not freedom:

@@ -103,6 +103,18 @@ def monotonic_loading(tests: list[MaterialTest]) -> tuple[list[MaterialTest], li
 
     Of a cyclic test only the first loading is taken, for the virgin material, and no test of a later cycle. Relaxation
     tests are left out, unless there is nothing else: then their ramps are taken, without the holds.
+
+    Parameters
+    ----------
+    tests : list of MaterialTest
+        Of one material.
+
+    Returns
+    -------
+    list of MaterialTest
+        Loadings.
+    list of str
+        What was left out.
     """
     held = [t for t in tests if t.history == "relaxation"]
     kept, notes = _loadings([t for t in tests if t.history != "relaxation"])

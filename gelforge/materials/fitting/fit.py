@@ -288,10 +288,22 @@ class Problem:
 
 
 def effective_points(residual: np.ndarray, sizes: tuple[int, ...]) -> float:
-    """Return how many independent points (n,) residuals of curves of some sizes are worth.
+    """Return how many independent points the residuals of curves are worth.
 
     Neighbouring residuals r of a smooth curve are correlated; with the correlation rho of a first-order process n
     points are worth n (1 - rho) / (1 + rho) (Bayley & Hammersley 1946).
+
+    Parameters
+    ----------
+    residual : numpy.ndarray
+        (n,), curve after curve.
+    sizes : tuple of int
+        Points of each curve.
+
+    Returns
+    -------
+    float
+        At least 1 for each curve.
     """
     total = 0.0
     for r in np.split(residual, np.cumsum(sizes)[:-1]):

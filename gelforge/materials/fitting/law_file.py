@@ -82,12 +82,23 @@ class MaterialLaw:
 
 
 def moved_laws(material: MaterialLaw, amount: float) -> list[PrincipalLaw]:
-    """Return the law moved by `amount` standard deviations along independent directions of its parameters.
+    """Return the law moved by some standard deviations along independent directions of its parameters.
 
     The squares of what a small move changes, over amount, sum to the variance of anything that follows from the law.
     Directions are those of the stresses at STATES, the most uncertain first; along the others parameters make up for
-    each other, and what they leave of the stresses' variance, less than NEGLIGIBLE, is left out. The covariance may be of
-    any rank. Empty for one that is zero, and for a law that was given: nothing is known of its uncertainty.
+    each other, and what they leave of the stresses' variance, less than NEGLIGIBLE, is left out.
+
+    Parameters
+    ----------
+    material : MaterialLaw
+        Its covariance may be of any rank.
+    amount : float
+        Standard deviations [-].
+
+    Returns
+    -------
+    list of PrincipalLaw
+        One for each direction. Empty for a zero covariance, and for a law that was given: its uncertainty is not known.
     """
     if material.covariance is None:
         return []
@@ -183,6 +194,11 @@ def read_law(path: str | Path) -> MaterialLaw:
     ----------
     path : path
         A file that write_law has written.
+
+    Returns
+    -------
+    MaterialLaw
+        Moduli in MPa.
 
     Raises
     ------

@@ -14,6 +14,16 @@ def material_table(materials: list[MaterialLaw]) -> pd.DataFrame:
 
     Intervals follow from the covariance with Student's t; those of parameters whose sign is fixed and of Young's
     modulus E are intervals of their logarithm, so that they keep the sign.
+
+    Parameters
+    ----------
+    materials : list of MaterialLaw
+        Fitted or given.
+
+    Returns
+    -------
+    pandas.DataFrame
+        material, quantity, unit, value, low_95 and high_95; the ends are NaN for given laws.
     """
     rows = []
     for m in materials:

@@ -31,7 +31,17 @@ def stiffness_words(law: PrincipalLaw) -> str:
 def check_stiffness(material: MaterialLaw, confirmed: bool) -> None:
     """Refuse a constitutive model whose initial Young's modulus is not plausible, unless it is confirmed.
 
-    Raises ConfigError with the modulus, the limits, the unit that was probably meant, and the key that confirms it.
+    Parameters
+    ----------
+    material : MaterialLaw
+        Moduli in MPa.
+    confirmed : bool
+        The stiffness is meant.
+
+    Raises
+    ------
+    ConfigError
+        Names the modulus, the limits, the unit that was probably meant, and the key that confirms it.
     """
     low, high = PLAUSIBLE_KPA
     E = 1e3 * material.law.youngs_modulus

@@ -127,7 +127,29 @@ def fit_modulus(
 
 
 def contact_point(position_mm, force_N, radius_mm: float, thickness_mm: float | None = None) -> float:
-    """Return the position [mm] at which the force begins to follow Hertz."""
+    """Return the position at which the force begins to follow Hertz.
+
+    Parameters
+    ----------
+    position_mm : array
+        (n,), rising with the depth.
+    force_N : array
+        (n,).
+    radius_mm : float
+        Of the ball.
+    thickness_mm : float, optional
+        Of the layer; None for a half space.
+
+    Returns
+    -------
+    float
+        [mm].
+
+    Raises
+    ------
+    ValueError
+        For too few rows before and in contact.
+    """
     return float(_search(np.asarray(position_mm), np.asarray(force_N), radius_mm, thickness_mm)[0])
 
 

@@ -97,9 +97,21 @@ def pressed_pairs(pair: ForcePair, loaded_share: float = 0.05) -> list[PressedPa
 
 
 def pressed_rows(pair: ForcePair, loaded_share: float = 0.05) -> list[tuple[str, slice]]:
-    """Return place and rows of each indentation of a pair: those above loaded_share of the largest force.
+    """Return place and rows of each indentation of a pair.
 
     Those that hardly rise are left out: their slope is noise.
+
+    Parameters
+    ----------
+    pair : ForcePair
+        Forces [N] at n instants.
+    loaded_share : float
+        Rows above this share of the largest force belong to an indentation [-].
+
+    Returns
+    -------
+    list of (str, slice)
+        In their order in time. The place is the position's name, without names the first row.
     """
     (one, two), presses = from_rest(pair), []
     mean = (one + two) / 2
@@ -111,7 +123,18 @@ def pressed_rows(pair: ForcePair, loaded_share: float = 0.05) -> list[tuple[str,
 
 
 def from_rest(pair: ForcePair) -> tuple[np.ndarray, np.ndarray]:
-    """Return both forces (n,) less their readings without load."""
+    """Return both forces (n,) less their readings without load.
+
+    Parameters
+    ----------
+    pair : ForcePair
+        n instants.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        (n,) each [N].
+    """
     return pair.force_1_N - _rest(pair.force_1_N), pair.force_2_N - _rest(pair.force_2_N)
 
 

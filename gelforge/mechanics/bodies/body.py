@@ -39,7 +39,23 @@ class Response:
 
 
 def bulk_to_shear_of(poissons_ratio: float) -> float:
-    """Return K/mu = 2 (1 + nu) / (3 (1 - 2 nu)) of the undeformed state."""
+    """Return K/mu = 2 (1 + nu) / (3 (1 - 2 nu)) of the undeformed state.
+
+    Parameters
+    ----------
+    poissons_ratio : float
+        nu, above -1 and below 0.5.
+
+    Returns
+    -------
+    float
+        [-].
+
+    Raises
+    ------
+    ValueError
+        For another Poisson's ratio.
+    """
     if not -1 < poissons_ratio < 0.5:
         raise ValueError(f"Poisson's ratio is {poissons_ratio:g}; between -1 and 0.5 is needed")
     return 2 * (1 + poissons_ratio) / (3 * (1 - 2 * poissons_ratio))

@@ -69,7 +69,22 @@ class ContactForces(NamedTuple):
 
 @register_jitable
 def friction_coefficient(pressure, mu, exponents, references):
-    """Return mu times (1 + p / p_k)^-n_k [-] for each exponent n_k, at pressures p >= 0 [MPa]: a number or an array."""
+    """Return mu times (1 + p / p_k)^-n_k for each exponent n_k.
+
+    Parameters
+    ----------
+    pressure : float or numpy.ndarray
+        Contact pressure p >= 0 [MPa].
+    mu : float
+        Coefficient at no pressure [-].
+    exponents, references : sequence of float
+        n_k [-] and p_k [MPa], as many of each.
+
+    Returns
+    -------
+    float or numpy.ndarray
+        [-], in the shape of the pressure.
+    """
     for k in range(len(exponents)):
         mu = mu * (1.0 + pressure / references[k]) ** -exponents[k]
     return mu

@@ -243,12 +243,17 @@ class Several(Indenter):
 
 
 def rotation_of(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation matrix (3, 3) of a rotation vector, by Rodrigues' formula.
+    """Return the rotation matrix of a rotation vector, by Rodrigues' formula.
 
     Parameters
     ----------
     vector : (3,) array
         Along the axis, as long as the angle [rad].
+
+    Returns
+    -------
+    numpy.ndarray
+        (3, 3).
     """
     angle = float(np.linalg.norm(vector))
     if angle == 0:
@@ -259,12 +264,17 @@ def rotation_of(vector: np.ndarray) -> np.ndarray:
 
 
 def rotation_about_axes(degrees: Sequence[float]) -> np.ndarray:
-    """Return the rotation (3, 3) that turns about the fixed x, then y, then z axis.
+    """Return the rotation that turns about the fixed x, then y, then z axis.
 
     Parameters
     ----------
     degrees : sequence of 3 floats
         Angles [deg].
+
+    Returns
+    -------
+    numpy.ndarray
+        (3, 3).
     """
     turns = [rotation_of(np.radians(angle) * axis) for angle, axis in zip(degrees, np.eye(3))]
     return turns[2] @ turns[1] @ turns[0]

@@ -68,6 +68,11 @@ def stress_points(
         "1": the nominal stress along the load (in simple shear the shear stress); "2": that across it; "1-2": the difference
         of the Cauchy stresses divided by lam_1.
 
+    Returns
+    -------
+    StressPoints
+        n states.
+
     Raises
     ------
     ValueError
@@ -89,7 +94,7 @@ def stress_points(
 
 
 def principal_stretches(case: str, lam: np.ndarray) -> np.ndarray:
-    """Return the principal stretches (..., 3) of a load case, volume preserved.
+    """Return the principal stretches of a load case, volume preserved.
 
     Parameters
     ----------
@@ -97,6 +102,11 @@ def principal_stretches(case: str, lam: np.ndarray) -> np.ndarray:
         One of LOAD_CASES.
     lam : array
         Stretch (...) along the load [-].
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 3) [-].
 
     Examples
     --------
@@ -107,7 +117,22 @@ def principal_stretches(case: str, lam: np.ndarray) -> np.ndarray:
 
 
 def cauchy_stress(law: PrincipalLaw, case: str, lam: np.ndarray) -> np.ndarray:
-    """Return the Cauchy stress [MPa] in the loading direction at the stretch lam, any shape."""
+    """Return the Cauchy stress in the loading direction.
+
+    Parameters
+    ----------
+    law : PrincipalLaw
+        Moduli in MPa.
+    case : str
+        One of LOAD_CASES.
+    lam : numpy.ndarray
+        Stretch (...) along the load [-].
+
+    Returns
+    -------
+    numpy.ndarray
+        (...) [MPa].
+    """
     beta = law.principal_stress(principal_stretches(case, lam))
     return beta[..., 0] - beta[..., 2]
 

@@ -52,7 +52,20 @@ def check_stable(law: PrincipalLaw, smallest: float, largest: float, name: str) 
     """Refuse a law that is not Drucker-stable down to the smallest and up to the largest principal stretch.
 
     Tried are extension and pure shear up to the largest, and compression (equibiaxial extension) down to the smallest.
-    Raises UnstableLaw with the first stretch at which it is unstable.
+
+    Parameters
+    ----------
+    law : PrincipalLaw
+        Moduli in MPa.
+    smallest, largest : float
+        Principal stretches [-], at most 1 and at least 1.
+    name : str
+        Of the material, for the message.
+
+    Raises
+    ------
+    UnstableLaw
+        Names the first stretch at which the law is unstable or has no stress.
     """
     for case, end, exponents in (
         ("extension", largest, (1.0, -0.5, -0.5)),

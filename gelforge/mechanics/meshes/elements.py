@@ -98,9 +98,26 @@ ELEMENTS = {len(element.nodes): element for element in (HEX8, TET10)}  # by the 
 
 
 def element_gradient(X: np.ndarray, elements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return dN/dX (E, Q points, A nodes, 3) [1/mm] and the weights (E, Q) [mm^3] of the undeformed mesh.
+    """Return the gradients of the shape functions and the weights at the quadrature points of the undeformed mesh.
 
-    X (N, 3) are the nodes [mm], elements (E, A) their numbers. Raises ValueError for an inverted element.
+    Parameters
+    ----------
+    X : numpy.ndarray
+        (N, 3), nodes [mm].
+    elements : numpy.ndarray
+        (E, A) int, their nodes; A is a key of ELEMENTS.
+
+    Returns
+    -------
+    numpy.ndarray
+        dN/dX (E, Q, A, 3) [1/mm] at Q points.
+    numpy.ndarray
+        Weights (E, Q) [mm^3].
+
+    Raises
+    ------
+    ValueError
+        For an inverted element.
     """
     kind = ELEMENTS[elements.shape[1]]
     dN = kind.natural_gradient(kind.points)  # (Q points, A nodes, 3)
@@ -144,7 +161,20 @@ def _gradient(X, elements, dN):
 
 
 def mean_gradient(gradient: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return the mean (E, A, 3) over the volume of every element of dN/dX (E, Q, A, 3), weight (E, Q) [mm^3]."""
+    """Return the mean gradient of the shape functions over the volume of every element.
+
+    Parameters
+    ----------
+    gradient : numpy.ndarray
+        dN/dX (E, Q, A, 3) [1/mm].
+    weight : numpy.ndarray
+        (E, Q) [mm^3].
+
+    Returns
+    -------
+    numpy.ndarray
+        (E, A, 3) [1/mm].
+    """
     E, Q, A, _ = gradient.shape
     share = weight / weight.sum(axis=1, keepdims=True)
     return (share[:, None] @ gradient.reshape(E, Q, 3 * A)).reshape(E, A, 3)

@@ -134,9 +134,32 @@ def slopes_along(
 ) -> Iterator[tuple[State, Slopes]]:
     """Yield the states of a path that the base has gone, with their derivatives along each varied indentation.
 
-    Which nodes are in contact anywhere on it is known, and the derivatives are carried at these; forces_only: at no
-    others. seconds: to it the wall seconds of every step's derivatives are added. Raises ValueError where a mesh has other
-    elements or the body remembers.
+    Which nodes are in contact anywhere on it is known, and the derivatives are carried at these.
+
+    Parameters
+    ----------
+    base : Press
+        Body, indenter and settings.
+    followed : Followed
+        The path, with its states and steps.
+    varied : sequence of Varied
+        P indentations that differ by a small amount.
+    seconds : list of float, optional
+        To it the wall seconds of every step's derivatives are added.
+    forces_only : bool
+        The derivatives are carried at no other nodes.
+
+    Yields
+    ------
+    State
+        At one centre.
+    Slopes
+        Derivatives of forces [N] and displacements [mm] per unit of each amount.
+
+    Raises
+    ------
+    ValueError
+        Where a mesh has other elements, or the body remembers.
     """
     _check(base, varied)
     chain = _Chain(base, varied, forces_only)

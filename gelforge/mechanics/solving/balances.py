@@ -9,7 +9,7 @@ from gelforge.mechanics.meshes.mesh import Mesh
 
 
 def force_balance(state: State, least_force: float = 0.0) -> float:
-    """Return |contact force + reaction| / |contact force| [-]; the reaction comes from internal forces.
+    """Return |contact force + reaction| / |contact force|; the reaction comes from internal forces.
 
     Parameters
     ----------
@@ -17,6 +17,11 @@ def force_balance(state: State, least_force: float = 0.0) -> float:
         A converged state.
     least_force : float
         What a smaller contact force is taken for [N].
+
+    Returns
+    -------
+    float
+        0 in balance [-].
     """
     size = max(float(np.linalg.norm(state.force)), least_force)
     return float(np.linalg.norm(state.force + state.reaction)) / size
@@ -25,7 +30,7 @@ def force_balance(state: State, least_force: float = 0.0) -> float:
 def moment_balance(
     mesh: Mesh, state: State, length: float, deformed: bool = True, least_force: float = 0.0
 ) -> float:
-    """Return |moment of contact and base forces| / (|contact force| length) [-], about the indenter's centre.
+    """Return |moment of contact and base forces| / (|contact force| length), about the indenter's centre.
 
     Parameters
     ----------
@@ -39,6 +44,11 @@ def moment_balance(
         Whether contact forces act at the deformed nodes; at small strain they act at the undeformed ones.
     least_force : float
         What a smaller contact force is taken for [N].
+
+    Returns
+    -------
+    float
+        0 in balance [-].
     """
     surface = mesh.X[mesh.surface.nodes] + (state.u[mesh.surface.nodes] if deformed else 0.0)
     contact = np.cross(surface - state.centre[:3], state.normal_force + state.friction_force).sum(axis=0)

@@ -58,7 +58,27 @@ def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[
 
 
 def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
-    """Return the change of what was read (n, P) [N] per unit of the parameter."""
+    """Return the change of what was read per unit of each parameter of an effect.
+
+    Parameters
+    ----------
+    context : Context
+        Base forces at the readings.
+    effect : Effect
+        With P parameters.
+    shape : mapping
+        Hyperparameters by name.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, P) [N per unit].
+
+    Raises
+    ------
+    ValueError
+        For an effect that changes no forces.
+    """
     if effect.to_forces is None:
         raise ValueError(f"{effect.name} changes no forces; it has no columns among them")
     columns = []

@@ -203,10 +203,24 @@ def readings_covariance(
 
     Independent: noise_N. Per depth of an indentation: its rounding, one draw per axis. Per press: the subtracted zero and
     its drift since, one draw per axis each; the depth, one draw along the slope of the base. Per session: its contact point,
-    one draw along that slope; the zero's trend, one draw per axis. Shared by all: law (R, 3, q) [N], one standard
-    deviation of the base for each uncertain direction of the material fit. Of the base's discretisation, of standard
-    deviation floor_N (R, 3), half of the variance is common to all and half is drawn for readings of one solution (R,): of
-    an indentation and its mirror images (none given: of one site).
+    one draw along that slope; the zero's trend, one draw per axis. Shared by all: the law. Of the discretisation's variance,
+    half is common to all and half is drawn for readings of one solution.
+
+    Parameters
+    ----------
+    context : Context
+        Base forces at R readings.
+    law : numpy.ndarray
+        (R, 3, q) [N], one standard deviation of the base for each uncertain direction of the material fit.
+    floor_N : numpy.ndarray
+        (R, 3), standard deviation of the base's discretisation.
+    solution : numpy.ndarray, optional
+        (R,), equal for readings of one solution: of an indentation and its mirror images. By default those of one site.
+
+    Returns
+    -------
+    Covariance
+        (n, n) [N^2], block-diagonal plus low rank.
     """
     observations = context.observations
     labels, flat = observations.labels(), observations.flat

@@ -222,10 +222,26 @@ class Problem:
 
 
 def secant(columns: np.ndarray, missing: np.ndarray, step: np.ndarray, prior_sd: np.ndarray) -> np.ndarray:
-    """Return columns (n, p) that along a step (p,) change by as much more as was missing (n,).
+    """Return columns that along a step change by as much more as was missing.
 
     Of all such columns those nearest to the given ones, in plausible values (Broyden 1965,
     doi:10.1090/S0025-5718-1965-0198670-6).
+
+    Parameters
+    ----------
+    columns : numpy.ndarray
+        (n, p) [N per unit].
+    missing : numpy.ndarray
+        (n,), solved change less that by the columns [N].
+    step : numpy.ndarray
+        (p,), not zero.
+    prior_sd : numpy.ndarray
+        (p,), standard deviations of the priors.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, p) [N per unit].
     """
     share = step / prior_sd**2
     return columns + np.outer(missing, share / (step @ share))

@@ -55,11 +55,31 @@ class Refitted:
 
 
 def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool = False) -> Refitted:
-    """Return the effects of a screened answer fitted to the entries (n,) bool. Raises NotConverged at the first solution.
+    """Return the effects of a screened answer fitted to some entries.
 
-    The place of what has one is fitted too, as far as the next that was tried, and a ball's size, along axes along which the
-    readings see it. placing: from where an earlier refit has placed it, which else stays. Columns follow the solved change
-    (`secant`); where nothing is solved they are taken anew.
+    A place is fitted too, as far as the next that was tried, and so is a ball's size: along axes along which the readings
+    see it. Columns follow the solved change (`secant`); where nothing is solved they are taken anew.
+
+    Parameters
+    ----------
+    problem : Problem
+        n entries.
+    start : Screened
+        The effects, at the values from which the fit begins.
+    mask : numpy.ndarray
+        (n,) bool, entries that are fitted.
+    placing : bool
+        Fit places from where an earlier refit has put them; else these stay.
+
+    Returns
+    -------
+    Refitted
+        Values and places with their covariance, and the log Bayes factor on these entries.
+
+    Raises
+    ------
+    NotConverged
+        At the first solution.
     """
     variables = variables_of(problem, start, mask, placing)
     residual, prior_sd, free = problem.residual[mask], variables.prior_sd, ~variables.binary

@@ -73,7 +73,20 @@ Term = tuple[Candidate, np.ndarray]  # an effect and its values
 
 
 def terms_of(parts: Sequence[Candidate], amounts: np.ndarray) -> list[Term]:
-    """Return parts with their share of all values (p,)."""
+    """Return parts with their share of all values.
+
+    Parameters
+    ----------
+    parts : sequence of Candidate
+        The effects.
+    amounts : numpy.ndarray
+        (p, ...), the parts' values in turn.
+
+    Returns
+    -------
+    list of (Candidate, numpy.ndarray)
+        In the order of the parts.
+    """
     return list(zip(parts, split(parts, amounts)))
 
 
@@ -134,7 +147,22 @@ def log_evidence(covariance: Covariance, residual: np.ndarray, parts: Sequence[C
 
 
 def judged_by(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.ndarray]) -> Screened:
-    """Return the parts, with whitened columns, judged by the whitened residual r (n,)."""
+    """Return some effects judged by the whitened residual.
+
+    Parameters
+    ----------
+    r : numpy.ndarray
+        (n,), whitened residual [-].
+    parts : sequence of Candidate
+        The effects.
+    columns : sequence of numpy.ndarray
+        (n, p) of each, whitened.
+
+    Returns
+    -------
+    Screened
+        Posterior of the values, and the log Bayes factor against none.
+    """
     J = np.column_stack(columns)
     prior_sd = np.concatenate([np.broadcast_to(part.prior_sd, c.shape[1]) for part, c in zip(parts, columns)])
     signs = np.concatenate([np.broadcast_to(part.signs, c.shape[1]) for part, c in zip(parts, columns)])

@@ -50,7 +50,24 @@ def with_known(base: Base, solver: Solver) -> Base:
 
     What changes the force is then read as a known force sensor does.
 
-    Raises ConfigError for an effect, a parameter or a shape that there is not, SolverFailed.
+    Parameters
+    ----------
+    base : Base
+        Without them.
+    solver : Solver
+        Its study names them under mismatch.known.
+
+    Returns
+    -------
+    Base
+        The same where the study names none.
+
+    Raises
+    ------
+    ConfigError
+        For an effect, a parameter or a hyperparameter that does not exist.
+    SolverFailed
+        Where the model with them does not converge.
     """
     chosen = []
     for known in solver.study.mismatch.known:
@@ -139,8 +156,25 @@ def _check_shape(known: Known, offered: Sequence[Shape]) -> None:
 def base_where_solved(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
     """Return the base of the readings that it can be solved for; the observations of its context say what is left out.
 
-    Raises SolverFailed where it is not known which those are, where they are fewer than FEWEST of the readings, and of a gel
-    that softens: what an indentation left behind that was not solved is missing in all that follow.
+    Parameters
+    ----------
+    solver : Solver
+        Of the study.
+    observations : Observations
+        All readings.
+    effects : iterable of Effect
+        Whose derivatives are needed.
+
+    Returns
+    -------
+    Base
+        Forces [N] at the readings that are left.
+
+    Raises
+    ------
+    SolverFailed
+        Where it is not known which readings cannot be solved, and where fewer than FEWEST of them are left. Also for a gel
+        that softens: what an unsolved indentation left behind is missing in all that follow.
     """
     effects, kept = list(effects), observations
     unsolved: list[Unsolved] = []
@@ -202,7 +236,27 @@ def _bounds(solver: Solver, sites: np.ndarray, presses: Sequence[Unsolved]) -> n
 
 
 def observations_of(recorded: Sequence[Path | Recording], study: Study) -> tuple[Observations, bool]:
-    """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic."""
+    """Return what is judged of some sessions, at most the study's number of sites, and whether it is synthetic.
+
+    Parameters
+    ----------
+    recorded : sequence of Path or Recording
+        Sessions; folders are read.
+    study : Study
+        Sensor and mismatch settings.
+
+    Returns
+    -------
+    Observations
+        Forces [N] with their errors.
+    bool
+        Whether any session is synthetic.
+
+    Raises
+    ------
+    RecordingError
+        For a session that cannot be read.
+    """
     speed = study.mechanics.effects.history.timing.speed_mm_per_s
     recordings = read_all(recorded, study.sensor)
     observations = observe(recordings, study.sensor, speed, study.mismatch.contact_point_scatter_mm)

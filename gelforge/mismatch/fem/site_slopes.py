@@ -46,6 +46,18 @@ def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
     """Return the derivatives at a planned site's place, or the image that stands for it, as deep as the coarser mesh goes.
 
     They are those of a straight indentation through the site's depths, however it goes on from there.
+
+    Parameters
+    ----------
+    solver : Solver
+        Of the study.
+    cell : PlannedCell
+        The site.
+
+    Returns
+    -------
+    SiteSlopes
+        Base forces [N] and derivatives by key, or the reason why there is none.
     """
     clock = time.perf_counter()
     solver = forgetting(solver)
@@ -92,7 +104,17 @@ def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation,
 
 
 def write_site_slopes(path: Path, solver: Solver, site: SiteSlopes) -> None:
-    """Write the derivatives of a site into a file of their own, whole or not at all; `read_stored` reads it."""
+    """Write the derivatives of a site into a file of their own, whole or not at all; `read_stored` reads it.
+
+    Parameters
+    ----------
+    path : Path
+        The HDF5 file; seconds are written next to it.
+    solver : Solver
+        The one that found them.
+    site : SiteSlopes
+        As `slopes_of_site` returns it.
+    """
     coarse, planned = forgetting(solver).coarse, site.planned
     place = place_digest(coarse, solver.laws, planned.x_mm, planned.y_mm)
     about = {

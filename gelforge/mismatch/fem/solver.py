@@ -68,8 +68,26 @@ class Base:
 def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect]) -> Base:
     """Return the base of observations with the derivatives of all effects that need the solver.
 
-    Derivatives and the mesh's error are those of the study without what remembers. Raises SolverFailed where base
-    indentations do not converge (nominal.py leaves those out).
+    Derivatives and the mesh's error are those of the study without what remembers.
+
+    Parameters
+    ----------
+    solver : Solver
+        Of the study.
+    observations : Observations
+        R readings.
+    effects : iterable of Effect
+        That could be there.
+
+    Returns
+    -------
+    Base
+        Forces (R, 3) [N] and what they follow.
+
+    Raises
+    ------
+    SolverFailed
+        Where base indentations do not converge (nominal.py leaves those out).
     """
     remembering, solver = solver, forgetting(solver)
     runs = runs_of(observations)

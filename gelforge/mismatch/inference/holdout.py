@@ -32,12 +32,26 @@ class Blocks:
 
 
 def split(labels: pd.DataFrame, seed: int, turn: int = 0) -> Blocks:
-    """Return the blocks of readings with these labels (n rows).
+    """Return which readings train and which are held out.
 
-    Held out are all readings at about a quarter of the sites, drawn by the seed, and those in the deepest quarter of the
+    Held out are all readings at about a quarter of the sites, drawn by the seed. So are those in the deepest quarter of the
     depths at the other sites. Another turn sets other sites aside. Of fewer than FEW_SITES sites a quarter is none: turn 0
-    sets the deepest quarter aside, turn k the k-th site and nothing else, so that each kind is tried with enough left to
-    learn from. A single site, or a single depth, is not held out.
+    sets the deepest quarter aside, turn k the k-th site and nothing else. Enough is then left to learn from. A single site,
+    or a single depth, is not held out.
+
+    Parameters
+    ----------
+    labels : pandas.DataFrame
+        n rows with columns `site` and `depth_mm`.
+    seed : int
+        Of the draw.
+    turn : int
+        From 0.
+
+    Returns
+    -------
+    Blocks
+        (n,) bool each.
     """
     site = labels["site"].to_numpy()
     sites = np.random.default_rng(seed).permutation(np.unique(site))

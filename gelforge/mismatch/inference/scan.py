@@ -48,13 +48,26 @@ class GlobalTest:
 
 
 def global_test(residual: np.ndarray, covariance: Covariance, fitted: np.ndarray | None = None) -> GlobalTest:
-    """Return the test of r' C^-1 r for residual r (n,).
+    """Return the test of r' C^-1 r.
 
     Nuisances are part of C and not fitted, so without a mismatch the sum has the chi-square law with n degrees, exactly
-    for normal draws: a parametric bootstrap gives the same p. Of a model with fitted values the columns fitted (n, p)
-    take their degrees with them, so that what was fitted neither helps nor harms. Of variances that were estimated the
-    sum has an F law, and heavy tails widen it: a chi-square law of the same mean and variance stands for it (Satterthwaite
-    1946, doi:10.2307/3002019).
+    for normal draws: a parametric bootstrap gives the same p. Fitted columns take their degrees with them, so that what was
+    fitted neither helps nor harms. Of variances that were estimated the sum has an F law, and heavy tails widen it: a
+    chi-square law of the same mean and variance stands for it (Satterthwaite 1946, doi:10.2307/3002019).
+
+    Parameters
+    ----------
+    residual : numpy.ndarray
+        r (n,) [N].
+    covariance : Covariance
+        C.
+    fitted : numpy.ndarray, optional
+        (n, p), columns of a model with fitted values.
+
+    Returns
+    -------
+    GlobalTest
+        Sum of squares [-], degrees of freedom and p.
     """
     white, degrees = covariance.whiten(residual), len(residual)
     if fitted is not None:

@@ -308,7 +308,27 @@ def judge_material(source: MaterialSource, seed: int = SEED) -> tuple[list[Judge
 
 
 def judge_sources(materials: Sequence[MaterialSource], seed: int = SEED) -> tuple[list[Judged], list[str]]:
-    """Return all verdicts, and what was not judged; raises TableError where there is nothing to judge."""
+    """Return all verdicts, and what was not judged.
+
+    Parameters
+    ----------
+    materials : sequence of MaterialSource
+        Their tests.
+    seed : int
+        Of random draws.
+
+    Returns
+    -------
+    list of Judged
+        At least one.
+    list of str
+        What was not judged, and why.
+
+    Raises
+    ------
+    TableError
+        Where there is nothing to judge.
+    """
     verdicts, reasons = [], []
     for material in materials:
         judged, said = judge_material(material, seed)
@@ -320,6 +340,14 @@ def judge_sources(materials: Sequence[MaterialSource], seed: int = SEED) -> tupl
 
 
 def write_judged(folder: Path, judged: Judged) -> None:
-    """Write verdict.json and material_readings.csv (nominal stress [MPa], or force [N] of indentations and pairs)."""
+    """Write verdict.json and material_readings.csv (nominal stress [MPa], or force [N] of indentations and pairs).
+
+    Parameters
+    ----------
+    folder : Path
+        Receives both files.
+    judged : Judged
+        As of `judge_sources`.
+    """
     v.write_verdict(folder, judged.verdict)
     write_text(folder / "material_readings.csv", judged.table.to_csv(index=False, float_format="%.9g"))

@@ -170,12 +170,34 @@ def planned_observations(
 
 
 def planned_problem(solver: Solver) -> Problem:
-    """Return the problem that the readings of the study's plan would pose."""
+    """Return the problem that the readings of the study's plan would pose.
+
+    Parameters
+    ----------
+    solver : Solver
+        Of the study.
+
+    Returns
+    -------
+    Problem
+        With forces of zero and the noise of a force sensor.
+    """
     return problem_of(solver, planned_observations(solver.study), recorded=False)[0]
 
 
 def limits_table(problem: Problem) -> pd.DataFrame:
-    """Return per effect and parameter the smallest value that planned readings would show, next to a plausible one."""
+    """Return per effect and parameter the smallest value that planned readings would show, next to a plausible one.
+
+    Parameters
+    ----------
+    problem : Problem
+        As of `planned_problem`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Values in the parameter's unit; detectable is infinite where no value shows.
+    """
     rows = [
         (one.effect, one.parameter, one.unit, one.amount or np.inf, one.plausible, one.seen)
         for one in limits_of(problem)
@@ -202,8 +224,24 @@ def visibility_table(solver: Solver) -> pd.DataFrame:
 def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:
     """Return for each experiment its cost and the expected log odds of the right one of two surviving effects.
 
-    Where the readings could not show enough to leave any: what each experiment would show (`visibility_table`). Raises
-    ConfigError for a verdict with nothing left to distinguish, or with effects of the camera alone.
+    Where the readings could not show enough to leave any: what each experiment would show (`visibility_table`).
+
+    Parameters
+    ----------
+    solver : Solver
+        Of the study.
+    verdict : Verdict
+        Of its recordings.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each experiment and pair; cost in minutes.
+
+    Raises
+    ------
+    ConfigError
+        For a verdict with nothing left to distinguish, or with effects of the camera alone.
     """
     effects = {effect.name: effect for effect in verdict.effects}
     pairs = rivals(verdict)

@@ -82,7 +82,18 @@ def patch_of(
 
 
 def differences(before: Mapping, after: Mapping) -> dict[str, Any]:
-    """Return the keys of nested mappings whose values differ, with the values after."""
+    """Return the keys of nested mappings whose values differ, with the values after.
+
+    Parameters
+    ----------
+    before, after : mapping
+        Keys of `before` alone are passed over.
+
+    Returns
+    -------
+    dict
+        Nested as they are.
+    """
     changed = {}
     for key, value in after.items():
         old = before.get(key)
@@ -103,10 +114,36 @@ def judge_folder(
     kept: Path | None = None,
     workers: int = 1,
 ) -> Verdict:
-    """Judge the sessions in a folder against a study, write the stage's files into `out` and return the verdict.
+    """Judge the sessions in a folder against a study, write the stage's files and return the verdict.
 
-    laws: files of fitted materials in place of the study's own; kept: folder of what is solved on the way, if not given
-    SOLUTIONS in `out`. Raises ConfigError for sessions of another sensor, and what `judge_recording` raises.
+    Parameters
+    ----------
+    study : Study
+        The nominal model.
+    recording : Path
+        A session's folder, or one of sessions.
+    out : Path
+        Receives the files.
+    laws : sequence of Path
+        Files of fitted materials in place of the study's own.
+    kept : Path, optional
+        Folder of what is solved on the way; SOLUTIONS in `out` if not given.
+    workers : int
+        Processes.
+
+    Returns
+    -------
+    Verdict
+        As in verdict.json.
+
+    Raises
+    ------
+    ConfigError
+        For a folder without sessions, and for sessions of another sensor.
+    RecordingError
+        For a recording that cannot be read.
+    SolverFailed
+        Where the base cannot be solved.
     """
     own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
     folders = session_folders(recording, study.sessions if own else ())
@@ -124,7 +161,25 @@ def solver_of(
     workers: int,
     recorded: Sequence[Path | Recording],
 ) -> Solver:
-    """Return the finite elements of a study; where every session calls the constants exact, its laws are certain."""
+    """Return the finite elements of a study; where every session calls the constants exact, its laws are certain.
+
+    Parameters
+    ----------
+    study, out, laws, kept, workers
+        As of `judge_folder`.
+    recorded : sequence of Path or Recording
+        Sessions that are judged.
+
+    Returns
+    -------
+    Solver
+        Reads solved sites and derivatives of the study's results where there are any.
+
+    Raises
+    ------
+    ConfigError
+        For no workers, and for sessions that differ in force.turns_with.
+    """
     if workers < 1:
         raise ConfigError(f"--workers {workers}: 1 or more are needed")
     by_material, uncertain = laws_and_doubts(material_laws_of(study, laws))
@@ -264,7 +319,22 @@ def _session(recorded: Path | Recording) -> Session:
 
 
 def provenance_of(folders: Sequence[Path], study: Study, solver: Solver) -> Provenance:
-    """Return what the verdict rests on."""
+    """Return what the verdict rests on.
+
+    Parameters
+    ----------
+    folders : sequence of Path
+        Of the sessions.
+    study : Study
+        The nominal model.
+    solver : Solver
+        Its laws.
+
+    Returns
+    -------
+    Provenance
+        Checksums, seed, draws and versions.
+    """
     return Provenance(
         sessions={folder.name: _files_sha256(folder, study.mismatch.images) for folder in folders},
         base=f"study {study.study}",
@@ -285,7 +355,20 @@ def _files_sha256(folder: Path, images: str) -> str:
 
 
 def check_matches(folders: Sequence[Path], study: Study) -> None:
-    """Raise ConfigError where a recording plainly belongs to another sensor or indenter than the study's."""
+    """Refuse a recording that plainly belongs to another sensor or indenter than the study's.
+
+    Parameters
+    ----------
+    folders : sequence of Path
+        Of the sessions.
+    study : Study
+        Its indenter.
+
+    Raises
+    ------
+    ConfigError
+        Names the session, what it states and what the study describes.
+    """
     for folder in folders:
         session = load_session(folder / "session.yaml")
         stated, own = session.indenter.strip(), study.indenter.words

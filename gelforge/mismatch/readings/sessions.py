@@ -25,9 +25,24 @@ SPEED_MM_PER_S = PressTiming.model_fields["speed_mm_per_s"].default
 
 
 def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]:
-    """Return the session folders of a recording: itself, or those (of these names, if any) in it or in its `recordings`.
+    """Return the session folders of a recording: itself, or those in it or in its `recordings`.
 
-    Raises ConfigError where there is none.
+    Parameters
+    ----------
+    folder : str or Path
+        The recording.
+    names : sequence of str
+        Of the sessions that are wanted; all if empty.
+
+    Returns
+    -------
+    list of Path
+        At least one.
+
+    Raises
+    ------
+    ConfigError
+        Where there is none.
     """
     folder = Path(folder)
     if what := another_kind(folder, "a folder"):
@@ -45,7 +60,25 @@ def session_folders(folder: str | Path, names: Sequence[str] = ()) -> list[Path]
 
 
 def read_all(sessions: Sequence[Path | Recording], sensor: Sensor) -> list[Recording]:
-    """Return sessions read; what has been read stays as it is. Raises RecordingError as the reader does."""
+    """Return sessions read; what has been read stays as it is.
+
+    Parameters
+    ----------
+    sessions : sequence of Path or Recording
+        Folders, or what was read of them.
+    sensor : Sensor
+        In whose frame positions are [mm].
+
+    Returns
+    -------
+    list of Recording
+        In the same order.
+
+    Raises
+    ------
+    RecordingError
+        For a session that cannot be read.
+    """
     return [one if isinstance(one, Recording) else read_recording(one, None, sensor) for one in sessions]
 
 

@@ -369,7 +369,23 @@ def write_verdict(folder: str | Path, verdict: Verdict) -> None:
 
 
 def read_verdict(folder: str | Path) -> Verdict:
-    """Return the verdict in a folder."""
+    """Return the verdict in a folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Holds verdict.json.
+
+    Returns
+    -------
+    Verdict
+        Validated.
+
+    Raises
+    ------
+    VerdictError
+        For a file that is missing, damaged, edited or of another form.
+    """
     path = Path(folder) / VERDICT
     content = read_product_json(path, "write it anew with `gelforge mismatch`", VerdictError)
     try:

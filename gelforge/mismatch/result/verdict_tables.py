@@ -61,9 +61,24 @@ COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 
 def write_tables(folder: str | Path, tables: Mapping[str, pd.DataFrame | None]) -> dict[str, str]:
-    """Write tables, columns as in COLUMNS, and return the SHA-256 of each by its name; those that are None are removed.
+    """Write the tables of a verdict.
 
-    Raises VerdictError, before anything is written, for a table without a column that it needs.
+    Parameters
+    ----------
+    folder : str or Path
+        Receives them.
+    tables : mapping of str to pandas.DataFrame or None
+        By name, columns as in COLUMNS; those that are None are removed.
+
+    Returns
+    -------
+    dict of str to str
+        SHA-256 of each table by its name.
+
+    Raises
+    ------
+    VerdictError
+        Before anything is written, for a table without a column that it needs.
     """
     for name, table in tables.items():
         if table is not None and (missing := [c for c in COLUMNS[name][0] if c not in table]):
@@ -87,16 +102,45 @@ def limits_table(limits: Sequence[DetectionLimit]) -> pd.DataFrame:
 
 
 def check_tables(folder: str | Path, verdict: Verdict) -> None:
-    """Raise VerdictError for a table of a verdict that is missing, damaged or edited."""
+    """Refuse a verdict of which a table is missing, damaged or edited.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Holds the tables.
+    verdict : Verdict
+        States their SHA-256.
+
+    Raises
+    ------
+    VerdictError
+        Names the table.
+    """
     for name, stated in verdict.tables.items():
         check_seal(Path(folder) / name, REMEDY, VerdictError, stated)
 
 
 def read_table(folder: str | Path, name: str, tables: Mapping[str, str] | None = None) -> pd.DataFrame | None:
-    """Return a table of the verdict in a folder, nan where cells are empty; None where there is no such table.
+    """Return a table of the verdict in a folder.
 
-    tables: SHA-256 by name, in place of those that the verdict states. Raises VerdictError for a table that is missing,
-    damaged or edited.
+    Parameters
+    ----------
+    folder : str or Path
+        Holds verdict and tables.
+    name : str
+        A key of COLUMNS.
+    tables : mapping of str to str, optional
+        SHA-256 by name, in place of those that the verdict states.
+
+    Returns
+    -------
+    pandas.DataFrame or None
+        NaN where cells are empty; None where there is no such table.
+
+    Raises
+    ------
+    VerdictError
+        For a table that is missing, damaged or edited.
     """
     stated = (read_verdict(folder).tables if tables is None else tables).get(name)
     if stated is None:

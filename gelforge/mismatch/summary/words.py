@@ -121,7 +121,18 @@ def _unfinished(answer: Answer | None) -> list[str]:
 
 
 def uncomputed(problem: Problem) -> list[str]:
-    """Return which effects could not be tried, or not everywhere, by reason."""
+    """Return which effects could not be tried, or not everywhere, by reason.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its candidates, and what failed.
+
+    Returns
+    -------
+    list of str
+        A line for each reason.
+    """
     tried = {one.name for one in problem.candidates}
     by_reason: dict[str, dict[str, None]] = {}
     for name, reason in problem.failed.items():

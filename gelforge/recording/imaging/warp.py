@@ -21,7 +21,20 @@ def read_along(
 
 
 def warped(picture: np.ndarray, field: np.ndarray) -> np.ndarray:
-    """Return a picture (H, W) float32 in which what was at a pixel is moved by field (H, W, 2) float32 [px] there."""
+    """Return a picture in which what was at a pixel is moved by the field there.
+
+    Parameters
+    ----------
+    picture : numpy.ndarray
+        (H, W).
+    field : numpy.ndarray
+        (H, W, 2) float32 [px].
+
+    Returns
+    -------
+    numpy.ndarray
+        (H, W) float32.
+    """
     back = np.zeros_like(field)  # from where a pixel's content comes: back(q) = -field(q + back(q))
     for _ in range(ROUNDS):
         back = -read_along(field, back)
@@ -29,5 +42,18 @@ def warped(picture: np.ndarray, field: np.ndarray) -> np.ndarray:
 
 
 def enlarged(cells: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Return a field given for equal cells of an image (R, C, 2) at each of its pixels (height, width, 2) float32, cubic."""
+    """Return a field given for equal cells of an image at each of its pixels, by cubic interpolation.
+
+    Parameters
+    ----------
+    cells : numpy.ndarray
+        (R, C, 2).
+    width, height : int
+        Of the image [px].
+
+    Returns
+    -------
+    numpy.ndarray
+        (height, width, 2) float32, in the unit of the cells.
+    """
     return np.asarray(cv2.resize(cells.astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC))

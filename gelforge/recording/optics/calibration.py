@@ -247,7 +247,20 @@ def _projected(model: str, board: np.ndarray, turn, shift, K: np.ndarray, k: np.
 
 
 def without_distortion(calibration: Calibration, image: np.ndarray) -> np.ndarray:
-    """Return an image (H, W) as a pinhole of the same focal lengths and principal point would show it."""
+    """Return an image as a pinhole of the same focal lengths and principal point would show it.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Of the camera.
+    image : numpy.ndarray
+        (H, W), of the camera's size.
+
+    Returns
+    -------
+    numpy.ndarray
+        (H, W), the same type.
+    """
     straight = calibration.camera.model_copy(update={"distortion": None})
     u, v = np.moveaxis(places_in(calibration.camera, straight, 1.0).astype(np.float32), -1, 0)
     return cv2.remap(image, np.ascontiguousarray(u), np.ascontiguousarray(v), cv2.INTER_LINEAR)

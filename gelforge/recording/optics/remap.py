@@ -113,7 +113,18 @@ def read_as(picture: Picture, path: str | Path) -> np.ndarray:
 
 
 def seen_by(session: Session) -> Camera | None:
-    """Return the camera that sees what `picture_of` shows, before any cropping."""
+    """Return the camera that sees what `picture_of` shows, before any cropping.
+
+    Parameters
+    ----------
+    session : Session
+        Its keys `remap` and `camera`.
+
+    Returns
+    -------
+    Camera or None
+        None where the session names no camera.
+    """
     return session.remap.view if session.remap else session.camera
 
 
@@ -134,7 +145,18 @@ def view_of(session: Session, scale: float = 1.0) -> dict:
 
 
 def scale_of_view(scale: float) -> dict:
-    """Return the key of a view that says to which share of their size its images are reduced; none where they are not."""
+    """Return the key of a view that says to which share of their size its images are reduced; none where they are not.
+
+    Parameters
+    ----------
+    scale : float
+        The share [-], at most 1.
+
+    Returns
+    -------
+    dict
+        `image_scale`, or empty.
+    """
     return {"image_scale": scale} if scale < 1 else {}
 
 

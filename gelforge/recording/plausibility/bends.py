@@ -12,7 +12,28 @@ MOST_SAMPLES = 200  # of a bend's window or a ramp: a faster log is averaged ove
 
 
 def bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, float] | None:
-    """Return lag and standard deviation [s] of a bend about a lag; one at the end of what is tried is farther off."""
+    """Return lag and standard deviation [s] of a bend about a lag; one at the end of what is tried is farther off.
+
+    Parameters
+    ----------
+    at : float
+        Time of the bend on the other clock [s].
+    lag : float
+        Coarse: how much later the signal's clock shows it [s].
+    before, after : float
+        How much of the signal around the bend counts [s].
+    side : int
+        1 where the signal moves after the bend, -1 where it moves before it.
+    signal_s : numpy.ndarray
+        (n,), times of the signal [s], rising.
+    signal : numpy.ndarray
+        (n,), in any unit.
+
+    Returns
+    -------
+    tuple of float, or None
+        Lag and standard deviation [s], infinite at the end of what is tried. None for too few samples or no best place.
+    """
     a, b = np.searchsorted(signal_s, [at + lag - before, at + lag + after])
     time, value = signal_s[a:b] - at - lag, signal[a:b]
     if min((time < 0).sum(), (time > 0).sum()) < LEAST_SAMPLES:

@@ -115,12 +115,36 @@ def mostly(findings: list[Finding], indentations: int) -> list[Finding]:
 
 
 def write_findings(path: str | Path, findings: Findings) -> None:
-    """Write the findings as CSV; a session without any has the header alone."""
+    """Write the findings as CSV; a session without any has the header alone.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    findings : Findings
+        Of one session.
+    """
     write_product_table(path, findings.table(), "%.6g")
 
 
 def read_findings(path: str | Path) -> pd.DataFrame:
-    """Return the table that `write_findings` wrote, columns as in COLUMNS."""
+    """Return the table that `write_findings` wrote, columns as in COLUMNS.
+
+    Parameters
+    ----------
+    path : str or Path
+        The CSV file.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each finding.
+
+    Raises
+    ------
+    FileError
+        For a file that is missing, damaged or edited.
+    """
     remedy = f"make the readings again (snakemake -R {path})"
     return read_product_table(path, remedy, dtype={"press": str, "session": str}).fillna(
         {"press": "", "unit": ""}

@@ -96,7 +96,22 @@ def read_force_log(path: Path, delay_s: float = 0.0) -> ForceLog:
 
 
 def spread_stamps(stamps: np.ndarray, counts: np.ndarray, tick: float) -> np.ndarray:
-    """Return a time for every sample: those that share a stamp lie evenly between it and the next, at most a tick on."""
+    """Return a time for every sample: those that share a stamp lie evenly between it and the next, at most a tick on.
+
+    Parameters
+    ----------
+    stamps : numpy.ndarray
+        (n,), distinct times [s], rising.
+    counts : numpy.ndarray
+        (n,) int, samples that share each.
+    tick : float
+        Of the clock [s].
+
+    Returns
+    -------
+    numpy.ndarray
+        (counts.sum(),) [s].
+    """
     room = np.minimum(
         np.append(np.diff(stamps), tick), tick
     )  # a gap behind a stamp is no room for its samples

@@ -128,7 +128,18 @@ def _check_depths(path: Path, table: pd.DataFrame) -> None:
 
 
 def before_shear(readings: pd.DataFrame) -> np.ndarray:
-    """Return (N,) bool: the readings of an indentation before it moves sideways; all of an indentation that does not."""
+    """Return which readings were taken before their indentation moved sideways; all of an indentation that does not.
+
+    Parameters
+    ----------
+    readings : pandas.DataFrame
+        N readings in their order, with columns `press` and `phase`.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N,) bool.
+    """
     return ~(readings["phase"] == "shear").groupby(readings["press"]).cummax().to_numpy()
 
 

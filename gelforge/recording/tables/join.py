@@ -42,10 +42,28 @@ def press_table(readings: pd.DataFrame) -> pd.DataFrame:
 
 
 def cells_of_presses(path: Path, readings: pd.DataFrame, cells: Mapping[str, PlannedCell]) -> np.ndarray:
-    """Return the name of the planned site (N,) of each reading: the nearest within its `within_mm` that has the depth.
+    """Return the name of the planned site of each reading: the nearest within its `within_mm` that has the depth.
 
-    An indentation that moves sideways joins a path that passes where its last `shear` row stands. Raises RecordingError for
-    an indentation without its site, or one whose recorded site is another.
+    An indentation that moves sideways joins a path that passes where its last `shear` row stands.
+
+    Parameters
+    ----------
+    path : Path
+        Of the table, for messages.
+    readings : pandas.DataFrame
+        N readings, positions and depths in mm.
+    cells : mapping of str to PlannedCell
+        Sites of the plan.
+
+    Returns
+    -------
+    numpy.ndarray
+        (N,) of str.
+
+    Raises
+    ------
+    RecordingError
+        For an indentation without its site, and one whose recorded site is another.
     """
     presses = press_table(readings)
     names = list(cells)

@@ -60,7 +60,18 @@ def parameters_of(law: PrincipalLaw) -> np.ndarray:
 
 
 def section_of(law: PrincipalLaw) -> GivenParameters:
-    """Return the section of a configuration that gives a law: its constants under their keys, moduli in kPa."""
+    """Return the section of a configuration that gives a law: its constants under their keys, moduli in kPa.
+
+    Parameters
+    ----------
+    law : PrincipalLaw
+        One of MODELS, moduli in MPa.
+
+    Returns
+    -------
+    GivenParameters
+        The section of the law's own kind, validated.
+    """
     section = MODELS[law.name].parameters
     keys = [key for key in section.model_fields if hasattr(law, key.removesuffix("_kPa"))]
     constants = {

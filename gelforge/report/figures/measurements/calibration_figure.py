@@ -11,7 +11,20 @@ from gelforge.report.figures.style import FAINT, MEASURED, PREDICTED, SIMULATED,
 
 @styled
 def calibration_figure(lens: Calibration, example: np.ndarray, straight: np.ndarray) -> Figure:
-    """Return corners over the image, their residuals as arrows and by size, and an image (H, W) before and after."""
+    """Return corners over the image, their residuals as arrows and by size, and an image before and after.
+
+    Parameters
+    ----------
+    lens : Calibration
+        With the boards seen.
+    example, straight : numpy.ndarray
+        (H, W) in grey, as recorded and without distortion.
+
+    Returns
+    -------
+    Figure
+        Four panels, axes in px.
+    """
     width, height = lens.views.size
     pixels = np.concatenate([view.pixels for view in lens.views.seen])
     off = np.concatenate(lens.residuals())

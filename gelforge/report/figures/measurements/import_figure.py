@@ -26,7 +26,20 @@ PHASES = {"zero": "#9CC9E5", "load": "#F3C59B", "dwell": "#B8D8B0", "shear": "#D
 
 @styled
 def import_figure(imported: Imported, folder: Path) -> Figure:
-    """Return the page of a session that is written in this folder."""
+    """Return the page of a session that is written.
+
+    Parameters
+    ----------
+    imported : Imported
+        As `import_logs` returns it.
+    folder : Path
+        Of the session, with its images.
+
+    Returns
+    -------
+    Figure
+        Signals over time, clocks, contact points and frames.
+    """
     kept = imported.presses.kept
     contacts = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, 4 * MOST_PANELS).astype(int))]
     columns = 8 if len(contacts) > 6 else max(len(contacts), 4)

@@ -58,9 +58,27 @@ def material_figure(
 ) -> Figure:
     """Return Cauchy stress over stretch in the three load cases, one scale for all, as in the paper's fig. 4.
 
-    others: law files of the same tests, drawn next to the law. Further kinds of test have panels of their own, and the
-    only ones where no test is in tension. Below, the model minus the mean of the samples. R2 in the panels is that
-    of the nominal stress, which was fitted.
+    Further kinds of test have panels of their own, and the only ones where no test is in tension. Below, the model minus the
+    mean of the samples. R2 in the panels is that of the nominal stress, which was fitted.
+
+    Parameters
+    ----------
+    law_json : str or Path
+        The law's file.
+    curves_csv : str or Path
+        Curves of its tests, as `characterise` writes them.
+    others : sequence of str or Path
+        Law files of the same tests, drawn next to the law.
+
+    Returns
+    -------
+    Figure
+        Stresses in kPa.
+
+    Raises
+    ------
+    LawFileError, FileError
+        For a file that is missing, damaged or edited.
     """
     material = read_law(law_json)
     remedy = f"run the material stage again (snakemake -R {curves_csv})"

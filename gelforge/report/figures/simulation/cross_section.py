@@ -25,7 +25,20 @@ BASE, ROOM = 0.06, 0.16
 
 @styled
 def cross_section(study: Study, title: str) -> Figure:
-    """Return the section across x, and that across y unless they are the same, with dimensions in mm and the indenter."""
+    """Return the section across x, and that across y unless they are the same, with dimensions in mm and the indenter.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor, indenter and plan.
+    title : str
+        Of the figure.
+
+    Returns
+    -------
+    Figure
+        One or two sections [mm].
+    """
     sensor = study.sensor
     cuts = [0] if study.sensor_has_symmetry_of_square else [0, 1]
     widths = [(sensor.width_x_mm, sensor.width_y_mm)[axis] for axis in cuts]

@@ -118,7 +118,25 @@ def _shard_label(file: h5py.File, path: Path, row: int | None) -> Label:
 
 @styled
 def label_figure(path: str | Path, row: int | None = None) -> Figure:
-    """Return three maps (x, y, z) of a label with totals."""
+    """Return three maps (x, y, z) of a label with totals.
+
+    Parameters
+    ----------
+    path : str or Path
+        A site's file or a shard.
+    row : int, optional
+        Number of a site's depth, by default the deepest, or of a shard's row, by default the first.
+
+    Returns
+    -------
+    Figure
+        Forces on the sensor [N per bin].
+
+    Raises
+    ------
+    LabelError
+        For another file, and a row that does not exist.
+    """
     label = read_label(path, row)
     limits, along = row_limits(label.bin_force_N), " along the surface" if label.unrolled_mm else ""
     figure, axes = new_figure(10.2, 4.2, nrows=1, ncols=3)

@@ -39,7 +39,22 @@ def _sees_a_frame(camera: Camera | None, crop: list[int] | None) -> bool:
 
 @styled
 def sensor_figure(study: Study, cells: dict[str, PlannedCell], session: Session | None = None) -> Figure:
-    """Return the sensor from above (positions, bins, camera view, frame) next to its section with the ball."""
+    """Return the sensor from above (positions, bins, camera view, frame) next to its section with the ball.
+
+    Parameters
+    ----------
+    study : Study
+        Sensor, indenter and bins.
+    cells : dict of str to PlannedCell
+        Sites of the plan.
+    session : Session, optional
+        Whose camera and crop are shown.
+
+    Returns
+    -------
+    Figure
+        Two panels [mm].
+    """
     crop = session.crop_px if session else None
     camera = session.camera if session and _sees_a_frame(session.camera, crop) else None
     figure, axes = new_figure(10.4, 6.3, ncols=2)
