@@ -17,7 +17,6 @@ DIGITS = b"0" * 64  # in place of a digest until it is known
 SEAL = re.compile(rb"sha256:([0-9a-f]{64})")
 UNSEALED = b"sha256:" + DIGITS
 USER_BLOCK = 512  # bytes before the content of an HDF5 file, the least that the format allows
-HEAD = 4096  # bytes at the beginning of a file among which its checksum is looked for
 TAIL = len(UNSEALED)  # bytes at the end of a zip archive
 CHUNK = 1 << 16  # bytes that are read at once (no result depends on it)
 # errors of the machine, not of the file
@@ -162,7 +161,7 @@ def _compare(found: str, stated: str) -> None:
 def _seal_place(path: Path) -> int | None:
     """Return where in a file the digits of its checksum begin: near its beginning, or at its very end."""
     with open(path, "rb") as file:
-        head = SEAL.search(file.read(HEAD))
+        head = SEAL.search(file.read(4096))  # it stands at the beginning of a file
         if head:
             return head.start(1)
         size = file.seek(0, os.SEEK_END)

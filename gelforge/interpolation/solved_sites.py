@@ -45,7 +45,6 @@ DEPTH_PART = 0.4
 SMOOTHING = 0.6  # standard deviation of the mean square over bins along x and y and over depths
 ORDER = 2  # of the error in the distance of the sites around, where they are sparser than around the site left out
 SAME_MM = 1e-3
-NEIGHBOURS = 8  # sites whose error bars are carried to a place
 RELIES = 0.05  # weight from which a label is said to lean on a site
 OWN = ("mesh", "material")  # parts of a solved label's error bar
 
@@ -308,7 +307,7 @@ class SolvedSites:
             if not known_at:
                 return None
             places = np.array([self.sites[at].place for at in known_at])
-            chosen = nearest(places, position)[:NEIGHBOURS]
+            chosen = nearest(places, position)[:8]
             total = np.zeros(())
             for number, weight in zip(chosen, positive_weights(places[chosen], position)):
                 values = mixed(by_place[known_at[number]][key])

@@ -27,7 +27,6 @@ SEED = 5489
 RANDOM_READ = b"_ZNSt13random_device9_M_getvalEv"  # std::random_device::operator() of libstdc++
 # The mean quality at which fTetWild stops improving, its own default (Hu et al. 2020).
 STOP_ENERGY = 10.0
-SAID = 200  # characters of the mesher's last words that a message repeats (no result depends on it)
 GRID = 40  # intervals of the sizing field along the longest side
 
 
@@ -80,7 +79,7 @@ def tetrahedralize(
 
 def _last_words(said: str) -> str:
     """Return the end of what a process said on one line, and what it means where its memory did not suffice."""
-    words = " ".join(said.split())[-SAID:] or "it said nothing"
+    words = " ".join(said.split())[-200:] or "it said nothing"
     return f"{words}, too little memory" if "bad_alloc" in words else words
 
 

@@ -23,7 +23,6 @@ RELAXATION = 1.8
 ITERATIONS = 30  # from nothing: totals within 0.2 % (median) of the solution
 WARM_ITERATIONS = 5  # from the frame before
 LEAST_SHARE = 0.02  # of RIDGE: squared singular values below it change no force
-BLOCK = 64  # rows at a time
 
 
 class State(NamedTuple):
@@ -62,7 +61,7 @@ class Inverse:
     def forces(self, feature: np.ndarray) -> np.ndarray:
         """Return force distributions (n, B, 3) [N] of features (n, 2 r^2), each from nothing."""
         flow = input_flow(np.atleast_2d(feature), "vector")
-        parts = [self.solve(flow[start : start + BLOCK]).force for start in range(0, len(flow), BLOCK)]
+        parts = [self.solve(flow[start : start + 64]).force for start in range(0, len(flow), 64)]
         return np.concatenate([np.empty((0, len(self.right)), np.float32), *parts]).reshape(len(flow), -1, 3)
 
     def inputs(self, feature: np.ndarray) -> np.ndarray:

@@ -32,7 +32,6 @@ ELEMENTS_OF_BIN = 2  # along a bin's side: three change the flow of the benchmar
 MOST_ELEMENTS = 60  # along a side
 # Of central differences of the projection: they err by the square of the step over the distance, some 1e-7.
 STEP_MM = 0.01
-REFINEMENTS = 2  # of solutions by a factorisation in single precision
 INSIDE_MM = 1e-6
 
 
@@ -122,7 +121,7 @@ def displacements(
         along, held = np.zeros((len(dense), size)), equation[:, axis] >= 0
         along[:, equation[held, axis]] = dense[:, held]
         solutions = solver.solve_many(along)
-        for _ in range(REFINEMENTS):
+        for _ in range(2):  # the factorisation is in single precision
             left = along - (symmetric @ solutions.T).T
             scale = np.abs(left).max(axis=1, keepdims=True) + 1e-300  # of unit size, as solve_many asks
             solutions = solutions + scale * solver.solve_many(left / scale)

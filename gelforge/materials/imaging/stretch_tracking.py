@@ -31,7 +31,6 @@ NORMALISATION_PATCHES = 0.2  # sigma of the local mean: the piece's edges must n
 MARGIN_PATCHES = 1.5  # of pulled-back picture around the window: what flow needs beyond the outermost points
 # Of the grid: more of them overlap and add little (benchmarks/stretch_tracking.py prints error and speed).
 MOST_POINTS = 400
-PASSES = 6
 AT_REST_PX = 0.02  # change of the map after which another pass would change a stretch by less than 1e-3
 WINDOW_OF_STRIP = (0.45, 0.65)  # share of the textured area, along and across: away from clamps and edges
 WINDOW_OF_MEMBRANE = (0.33, 0.33)  # of its diameter: there a cubic map holds
@@ -321,7 +320,7 @@ class _Tracker:
         """Return the map of a frame by flow against a key frame, from a first guess."""
         s = self.settings
         points = self.grid - self.corner
-        for _ in range(PASSES):
+        for _ in range(6):
             pulled, inside = self._pulled_back(frame, coefficients)
             d, error, tracked = flow_at_points(key.picture, pulled, points, s.patch_px)
             likeness = _local_correlation(key.picture, pulled, s.patch_px)
