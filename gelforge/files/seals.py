@@ -18,7 +18,6 @@ SEAL = re.compile(rb"sha256:([0-9a-f]{64})")
 UNSEALED = b"sha256:" + DIGITS
 USER_BLOCK = 512  # bytes before the content of an HDF5 file, the least that the format allows
 TAIL = len(UNSEALED)  # bytes at the end of a zip archive
-CHUNK = 1 << 16  # bytes that are read at once (no result depends on it)
 # errors of the machine, not of the file
 NOT_THE_FILE = {
     errno.EMFILE: "too many files are open; raise the limit (ulimit -n) and run again",
@@ -173,12 +172,12 @@ def _sum(path: Path, place: int) -> str:
     """Return the SHA-256 of a file in which the digits at a place count as zeros."""
     total = hashlib.sha256()
     with open(path, "rb") as file:
-        left = place
-        while left and (chunk := file.read(min(CHUNK, left))):
+        left, at_once = place, 1 << 16  # bytes
+        while left and (chunk := file.read(min(at_once, left))):
             total.update(chunk)
             left -= len(chunk)
         file.read(len(DIGITS))
         total.update(DIGITS)
-        while chunk := file.read(CHUNK):
+        while chunk := file.read(at_once):
             total.update(chunk)
     return total.hexdigest()

@@ -9,11 +9,10 @@ import h5py
 import numpy as np
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.basis.data import FEATURE
+from gelforge.learning.basis.data import BLOCK, FEATURE
 from gelforge.learning.models.model_file import Model
 from gelforge.virtual_lab.true_presses import TruePress
 
-BLOCK = 256  # rows in memory at a time (no result depends on it)
 MOST_LEARNT = 300  # training indentations that show what the flow makes of true motion: 12 seconds
 RIDGE_PX2 = (
     1e-3  # keeps regions that hardly move from a map of their noise; 1e-2 gives the same parts of the error

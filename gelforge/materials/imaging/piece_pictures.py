@@ -26,7 +26,6 @@ PICTURE_SETTINGS = (
     "camera_distance_mm",
 )  # of samples.csv, all optional
 LEAST_ROWS = 5  # tracked rows below which there is no curve
-REASONS_QUOTED = 5  # of the rows left out; their number is always stated (no result depends on it)
 
 
 def has_pictures(path: str | Path) -> bool:
@@ -173,8 +172,8 @@ def _picture(path: Path, line: int, name: str) -> np.ndarray:
 def _left_out(path: Path, reasons: list[str]) -> list[str]:
     if not reasons:
         return []
-    more = f"; and {len(reasons) - REASONS_QUOTED} more" if len(reasons) > REASONS_QUOTED else ""
-    return [f"{path.name}: {len(reasons)} rows left out: {'; '.join(reasons[:REASONS_QUOTED])}{more}"]
+    more = f"; and {len(reasons) - 5} more" if len(reasons) > 5 else ""
+    return [f"{path.name}: {len(reasons)} rows left out: {'; '.join(reasons[:5])}{more}"]
 
 
 def _check_enough(path: Path, number: int, reasons: list[str]) -> None:

@@ -27,7 +27,6 @@ COLUMNS = [
     "remedy",
 ]
 MOST = 0.5  # of a session's indentations without one channel: what is left says little about the session
-NAMED = 3  # indentations that one line names; the table holds all (no result depends on it)
 
 
 @dataclass(frozen=True)
@@ -134,8 +133,8 @@ def _line(group: list[Finding]) -> str:
         dict.fromkeys(finding.press for finding in group)
     )  # of an indentation several images may be found
     if len(names) > 1:
-        more = ", ..." if len(names) > NAMED else ""
-        count = f"; {len(names)} indentations in all: {', '.join(names[:NAMED])}{more}"
+        more = ", ..." if len(names) > 3 else ""
+        count = f"; {len(names)} indentations in all: {', '.join(names[:3])}{more}"
     left_out = f"; {worst.channel} left out there" if worst.level == "excluded" else ""
     return f"{where + ': ' if where else ''}{worst.channel} {worst.found}{limit}{count}{left_out}; {worst.remedy}"
 
