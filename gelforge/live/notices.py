@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-# A warning is printed once it has lasted so long: one that flickers every half second is not (tests/learning/test_notices.py).
+# A warning is printed once it has lasted so long: half a second of flicker is not (tests/learning/test_notices.py).
 LASTS_S = 1.0
 # At most one line of a kind: three minutes of flicker are seven lines (tests/learning/test_notices.py).
 EVERY_S = 30.0
