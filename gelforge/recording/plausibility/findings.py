@@ -26,7 +26,15 @@ COLUMNS = [
     "found",
     "remedy",
 ]
-MOST = 0.5  # of a session's indentations without one channel: what is left says little about the session
+# Of a finding by chance alone in an honest channel: none of 37 kinds of honest sessions, three channels each, has one
+# (tests/recording/test_plausibility.py).
+CHANCE = 1e-6
+# Of neighbouring readings, to know how often two are equal: where none of 10 pairs is, fewer than 31 % are (95 % interval
+# of Clopper and Pearson 1934).
+LEAST_PAIRS = 10
+# Of a session's indentations without one channel: what is left says little about the session. 12 dead ones of 15 are an
+# error, 5 are left out (tests/recording/test_plausibility.py).
+MOST = 0.5
 
 
 @dataclass(frozen=True)
