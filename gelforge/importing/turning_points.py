@@ -15,13 +15,12 @@ from scipy.ndimage import median_filter
 from gelforge.importing.clocks import Match, Signal
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion
-from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
+from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, WINDOW_S, bend_near
 from gelforge.robust import SIGMA_OF_MEDIAN
 
 # Lags of SYNTHETIC logs are found within 5 ms, with drift and jitter too (tests/importing/test_clocks.py):
 LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each indentation on its own
 RATE_STEPS = 6  # between which rates are taken
-WINDOW_S = 0.35  # of the signal on each side of a bend
 LARGEST_SE_S = 0.01  # of the lag of the whole session
 DRIFT_S, DRIFT_SE = 0.006, 4.0  # over the session: drift beyond both
 JUMP_S, JUMP_SPREADS = 0.02, 5.0  # of an indentation's lag off the line

@@ -20,7 +20,8 @@ from gelforge.files import digest, file_sha256, write_text
 from gelforge.recording.imaging.images import reference_path
 
 KEPT = Path(".snakemake/images")
-# A file this new may change again within a tick of its time stamp, at most 2 s (FAT): what it holds is not kept.
+# A file this new may change again within a tick of its time stamp, 2 s at most (FAT32 specification, Microsoft 2000): what
+# it holds is not kept.
 SETTLED_NS = 2_000_000_000
 State = list[int]  # of a file: size, times of the last change of content and of anything
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
+from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, WINDOW_S, bend_near
 from gelforge.recording.plausibility.findings import Finding
 from gelforge.recording.plausibility.streams import ForceLog
 
@@ -29,8 +29,8 @@ LEAST_LIMIT_S = 0.15
 # Between lags that are tried, at first and around the best one: lags of -1.23 and 0.43 s are then found to a sample
 # (test_plausibility.py).
 COARSE_S, STEP_S = 0.1, 0.02
-# of the log around arrival, and of the way under load, where the bend is looked for
-BEND_WINDOW_S, MOTION = 0.35, 0.8
+# of the way under load before arrival, where the bend is looked for
+MOTION = 0.8
 RISEN = 0.9  # of the force reached while waiting: at the commanded depth it is there
 
 
@@ -167,8 +167,8 @@ def _to_a_sample(readings: pd.DataFrame, log: ForceLog, axis: int, lag_s: float)
             float(held["time_s"].iloc[0]) - dwell,
             float(held["time_s"].iloc[-1] - held["time_s"].iloc[0]) + dwell,
         )
-        moving = MOTION * float(held["depth_mm"].iloc[0]) / speed if speed > 0 else BEND_WINDOW_S
-        before, after = min(BEND_WINDOW_S, moving) - BEND_S, min(BEND_WINDOW_S, rest) - BEND_S
+        moving = MOTION * float(held["depth_mm"].iloc[0]) / speed if speed > 0 else WINDOW_S
+        before, after = min(WINDOW_S, moving) - BEND_S, min(WINDOW_S, rest) - BEND_S
         about = lag_s
         for _ in range(RECENTRED):
             bend = bend_near(arrive, about, before, after, -1, log.time_s, log.force_N[:, axis])
