@@ -25,7 +25,6 @@ STRAIN_AT_START = 0.005
 TOE_STRAIN = 0.005
 TOE_WINDOW = 0.25  # of strain above the first row; the small-strain modulus is found there
 RATE_DIFFERS = 0.1  # relative
-RATE_SECTIONS = 10  # of a loading
 RATE_SPREAD = 1.5  # between the slow and the fast tenth of a loading
 INTERVAL_SPREAD = 3.0  # between the sampling intervals of one test
 LEFT_STRESS = 5e-3  # of the largest: the drift that a load cell of half a per cent may have (ISO 7500-1:2018, class 0.5)
@@ -89,7 +88,7 @@ def _section_rates(lam: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the rates [1/s] over equal sections of a loading; whole sections average the noise of single rows."""
     outward = np.maximum.accumulate(np.sign(lam[-1] - lam[0]) * lam)
     first = np.r_[True, np.diff(outward) > 0]  # the envelope grows strictly
-    levels = np.linspace(outward[0], outward[-1], min(RATE_SECTIONS, first.sum() - 1) + 1)
+    levels = np.linspace(outward[0], outward[-1], min(10, first.sum() - 1) + 1)
     spans = np.diff(np.interp(levels, outward[first], time[first]))
     return (np.diff(levels) / np.maximum(spans, 1e-12))[spans > 0]
 

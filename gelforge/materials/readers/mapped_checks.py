@@ -8,7 +8,7 @@ from gelforge.config.foreign.mapping import Strain
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import MaterialTest, Segment
 from gelforge.materials.basis.segments import find_segments, first_reversal
-from gelforge.materials.basis.stresses import neo_hookean_shape
+from gelforge.materials.basis.stresses import LEAST_STRAIN, neo_hookean_shape
 from gelforge.materials.readers.mapped_columns import nominal_stress_of, stretch_of
 
 # The softest silicones break below a stretch of 20, foams densify at 0.1: per cent read as a number, or a length read as a
@@ -16,7 +16,6 @@ from gelforge.materials.readers.mapped_columns import nominal_stress_of, stretch
 STRETCH = (0.05, 25.0)
 # Adhesives are sheared up to 10; a shear 1000 times too large is refused (benchmarks/faults.py, inputs).
 SHEAR = (-12.0, 12.0)
-LEAST_STRAIN = 0.02  # less does not distinguish a law from a straight line
 # Of the strained rows: the stress has the sign of the strain; of a pull recorded as negative none has
 # (tests/materials/test_mapping.py).
 SAME_SIGN = 0.8
