@@ -13,7 +13,9 @@ from gelforge.robust import SIGMA_OF_MEDIAN
 
 # Waits and stops of SYNTHETIC stages, one in steps of its encoder too, are found (tests/importing/test_presses.py):
 NOISE_BANDS = 4.0  # of the encoder's noise: a stage within is at rest
-LEAST_BAND_MM = 0.003  # a stage that follows its command holds it to some micrometres (judgement)
+# A stage that follows its command holds it to some micrometres; one of an encoder's step is no motion
+# (tests/importing/test_presses.py).
+LEAST_BAND_MM = 0.003
 FULL_SPEED = 0.8  # of a ramp's largest speed: samples that brake or accelerate are slower
 LONGEST_RAMP_S = 0.5  # of a ramp that says when the stage stopped
 MOST_RAMP_SAMPLES = 40  # the same in rows of a fast log

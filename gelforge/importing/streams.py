@@ -19,10 +19,13 @@ from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.time_stamps import stamps, units_of
 from gelforge.units import UNITS, known_unit, unit_in_header, unit_named
 
-# Faulty logs are refused and their right neighbours read in `python -m benchmarks.faults inputs`:
+# Faulty logs are refused and their right neighbours read (benchmarks/faults.py, inputs):
 LEAST_ROWS = 20  # fewer show no indentation with its waits
-JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0  # from row to row, and so fast: no stage or robot that presses gels
-# of a log without samples: no clock can be aligned across it
+# From row to row, and so fast: no stage or robot that presses gels. Rows of two robots 450 mm apart are refused
+# (tests/importing/test_raw_files.py).
+JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0
+# Of a log without samples: no clock can be aligned across it. 30 missing rows of a stage's log, a second, are refused
+# (tests/importing/test_raw_files.py).
 GAP_PERIODS, GAP_S = 10.0, 0.5
 COUNTS = re.compile(  # to a unit of force, not of torque: N m, N-m, Nmm
     r"(?:counts?\s*(?:per|/)\s*(?:unit\s*)?(?:force|newtons?|N)\b(?![\s*·⋅.-]*m{1,2}\b)|\bCpF\b)[^\d-]*"
