@@ -19,6 +19,7 @@ from gelforge.config import Indenter, Sensor
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.planning.lattice import LAST, Index, Lattice, name_of
 from gelforge.indentation.sensor.symmetry import transform_bins, transform_vectors
+from gelforge.indentation.solving.error_bars import SMOOTHING
 from gelforge.interpolation.nodal_forces import NodalForces, ball_of, contact_width, moved_map
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 from gelforge.mechanics.indenters.shapes import Sphere
@@ -42,7 +43,6 @@ FINE_END_PART: Mapping[str, float | np.ndarray] = {"bin": 0.6, "total": 0.8}
 MESH_PART = 0.25
 # Of the difference of a depth that is left out, between two depths (benchmarks/interpolation.py).
 DEPTH_PART = 0.4
-SMOOTHING = 0.6  # standard deviation of the mean square over bins along x and y and over depths
 ORDER = 2  # of the error in the distance of the sites around, where they are sparser than around the site left out
 SAME_MM = 1e-3
 RELIES = 0.05  # weight from which a label is said to lean on a site
