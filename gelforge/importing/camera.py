@@ -23,7 +23,6 @@ from gelforge.recording.imaging.frames import SUFFIXES, images_in
 from gelforge.recording.imaging.images import refuse_turned
 from gelforge.units import UNITS, known_unit
 
-SMALL_PX = 80  # width to which frames are reduced before they are compared
 # Of decoded frames: a longer film is decoded a second time for the chosen ones (no result depends on it).
 KEPT_BYTES = 1_000_000_000
 
@@ -147,12 +146,9 @@ def _grey(image: np.ndarray) -> np.ndarray:
 
 def _small(image: np.ndarray) -> np.ndarray:
     grey = _grey(image)
-    height = max(1, round(SMALL_PX * grey.shape[0] / grey.shape[1]))
-    small = (
-        cv2.resize(grey, (SMALL_PX, height), interpolation=cv2.INTER_AREA)
-        if grey.shape[1] > SMALL_PX
-        else grey
-    )
+    width = 80  # px, to which frames are reduced before they are compared
+    height = max(1, round(width * grey.shape[0] / grey.shape[1]))
+    small = cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA) if grey.shape[1] > width else grey
     return small.astype(np.float32)
 
 

@@ -19,7 +19,6 @@ EXPONENTS = np.arange(0.8, 2.61, 0.1)
 
 # Intervals hold the contact points of SYNTHETIC logs, noisy and relaxing ones too (tests/importing/test_presses.py):
 PLACES = 81  # that are tried, then twice as many within the neighbourhood of the least
-MOST_SAMPLES = 200  # of a ramp; means of neighbours beyond
 SHARES = (1.0, 0.5, 0.25)  # of the depth that are fitted, in turn
 # Half an interval that is precise: contact points are held to 0.02 mm (tests/importing/test_presses.py).
 GOOD_MM = 0.01
@@ -118,8 +117,8 @@ def _sums(s, f, places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _thinned(s, f) -> tuple[np.ndarray, np.ndarray]:
-    """Return at most MOST_SAMPLES means of neighbours, so that a fast log costs no more."""
-    count = len(s) // MOST_SAMPLES + 1
+    """Return at most 200 means of neighbours, so that a fast log costs no more."""
+    count = len(s) // 200 + 1
     if count == 1:
         return s, f
     full = len(s) // count * count

@@ -33,7 +33,6 @@ COUNTS = re.compile(  # to a unit of force, not of torque: N m, N-m, Nmm
     re.IGNORECASE,
 )
 FORCE_UNIT = re.compile(r"force\s*units?\W+([A-Za-z]+)", re.IGNORECASE)
-MOST_LINES_ABOVE = 100  # of a header
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def counts_above_header(path: Path, source: ForceSource, values: np.ndarray) -> 
     recorded = values / UNITS[known_unit(source.unit)][1]
     if is_bag(path) or not (np.abs(recorded - np.round(recorded)) < 1e-6).all():
         return None
-    top = lines_of(path, source.table.csv_form({}))[:MOST_LINES_ABOVE]
+    top = lines_of(path, source.table.csv_form({}))[:100]
     head = next((i for i, line in enumerate(top) if all(name in line for name in source.columns)), 0)
     counts = None
     for line in top[:head]:

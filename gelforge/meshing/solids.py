@@ -14,6 +14,8 @@ import numpy as np
 from gelforge.mechanics.indenters.closed_surface import ClosedSurface, SurfaceError, closed_surface
 from gelforge.mechanics.meshes.mesh import Block, Sizes
 
+# mm between the points of a dome's surface: its faces lie 0.3^2 / (8 x 11) = 1e-3 mm inside a dome of radius 11 mm
+# (tests/meshing/test_solids.py).
 DOME_STEP = (
     0.3  # mm between the points of a dome's surface: its faces lie 1e-3 mm inside a dome of radius 11 mm
 )

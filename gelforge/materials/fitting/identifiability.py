@@ -17,7 +17,8 @@ from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 TOLERANCE = 0.01  # of the spread of stress: real samples cannot distinguish laws that are closer than that
 WIDTH_TO_WARN = 0.10  # high over low - 1 of a prediction
 REFERENCE = "ogden3"  # contains neo-Hooke and Mooney-Rivlin (alpha = 2, -2) and Ogden with fewer terms, and stiffens twice
-LEAST_FREEDOM = 3.0  # of a misfit: with fewer its scatter is not known at all
+# Of a misfit: with fewer its scatter is not known at all, with three to 1 / sqrt(6) = 41 % (GUM 2008, E.4.3).
+LEAST_FREEDOM = 3.0
 PULL = 100.0  # weight of the prescribed stress: it is met to 1e-4
 SCANNED = np.geomspace(
     1 / 30, 30, 15

@@ -22,7 +22,10 @@ LOWEST_SHARE = 0.3  # of the apex's height over the clamp: keeps off the clamp's
 # by 0.2 % are refused (tests/materials/test_apex_shape.py).
 LEAST_SAGITTA_PX = 8.0
 SHARED_POINTS = 3.0  # neighbouring columns whose errors go together: smoothing and blur reach about so far
+# Columns with an outline, and points near the apex: a needle of 10 columns is refused (tests/materials/test_apex_shape.py).
 LEAST_POINTS = 20
+# Six times noise of 4 grey levels, under which a blurred membrane is found; an even picture is refused
+# (tests/materials/test_apex_shape.py).
 LEAST_CONTRAST_GREY = 25.0
 # Standard errors by which k must differ from 1 for the conic to replace the circle: 1 in 370 by chance. Circles stay
 # circles, ellipses are found (tests/materials/test_apex_shape.py).

@@ -53,6 +53,7 @@ STRETCH = (0.2, 15.0)
 # Secant modulus of a sample, from gels (0.5 kPa) to filled rubber (Shore A 90, 5 MPa). 20 kPa with the force in mN or kN
 # are refused (test_reading_material_tests.py); where a unit wrong by 1000 would stay inside, a finding says so.
 SHEAR_MODULUS_MPA = (0.5e-3, 5.0)
+# Needed to find a constitutive model: a strip from 1 to 1.03 is refused (test_reading_material_tests.py).
 LEAST_STRETCH_RANGE = 0.05
 # Between a sample and the median of its material: scatter of curing stays below 2, a file in other units 25 times softer is
 # refused (test_reading_material_tests.py).

@@ -10,8 +10,6 @@ import numpy as np
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.solving.equilibrium import Aim, NotConverged, Press, Watch, padded
 
-SHARE_OF_GAP = 1e-2  # of the contact's own tolerance: to this the place of the indenter is found
-
 
 def follow_yielding(
     press: Press,
@@ -74,7 +72,8 @@ class _Machine:
     def balanced(self, previous: State | None, state: State, at: np.ndarray, aim: Aim) -> State:
         """Return the state at a commanded centre at which the lag is the compliance times the force along the path."""
         press, c = self.press, self.compliance
-        tolerance = SHARE_OF_GAP * press.settings.gap_tolerance * press.contact.element_size
+        # the place of the indenter is found to a hundredth of the contact's own tolerance
+        tolerance = 1e-2 * press.settings.gap_tolerance * press.contact.element_size
         lag = self.lag + self.growth * float((aim.centre - at) @ self.along)
         guess, last, iterations, factorisations, stiffness = None, None, 0, 0, 0.0
         most = 12  # solves: the secant takes 3 to 5

@@ -9,7 +9,6 @@ BEND_S, BEND_STEP_S = 0.08, 0.002  # around a coarse lag, in which a bend is loo
 WINDOW_S = 0.35  # of the signal on each side of a bend: lags are then found within 5 ms (tests/importing/test_clocks.py)
 LEAST_SAMPLES = 4  # on each side
 RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
-MOST_SAMPLES = 200  # of a bend's window: a faster log is averaged over neighbours
 
 
 def bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, float] | None:
@@ -18,7 +17,8 @@ def bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, fl
     time, value = signal_s[a:b] - at - lag, signal[a:b]
     if min((time < 0).sum(), (time > 0).sum()) < LEAST_SAMPLES:
         return None
-    count = len(time) // MOST_SAMPLES + 1
+    # a faster log is averaged over neighbours
+    count = len(time) // 200 + 1
     full = len(time) // count * count
     time, value = (samples[:full].reshape(-1, count).mean(axis=1) for samples in (time, value))
     return bend_time(time, value, side, lag)
