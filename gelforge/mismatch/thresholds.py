@@ -83,7 +83,9 @@ REACH = 12.0
 MOST_WITH_ERROR = 50  # such sets
 BEAM = 30  # pairs that a third effect is tried beside
 BESIDE = 6  # best sets beside which a discrepancy is weighed
-NOTICED = 0.1  # standard deviations of a change's own error, below which it moves no evidence
+# Standard deviations of a change's own error, below which it moves no evidence: its log moves by 0.1^2 / 2 = 0.005, far
+# below what is worth a mention (Kass and Raftery 1995).
+NOTICED = 0.1
 # Sets that are fitted with the finite elements, solutions of one set, and sites that are solved with an effect: at most
 # 4 x 3 x 9 = 108 solutions of a site, some 20 s each. The longest verdict took 33 minutes (docs/results/verdicts.md).
 MOST_SOLVED, MOST_SOLUTIONS, MOST_SITES = 4, 3, 9

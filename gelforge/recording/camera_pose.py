@@ -18,7 +18,9 @@ from gelforge.recording.readings import Recording, at_commanded_depth
 
 # Poses of drawn presses and their errors: `python benchmarks/cameras.py`:
 LEAST_POSITIONS = 4  # three determine the four unknowns twice over only with a fourth's residual
-LEAST_WIDTH = 0.1  # spread of the positions across their line, over that along it
+# Spread of the positions across their line, over that along it: positions on a line are refused
+# (tests/recording/test_camera_pose.py).
+LEAST_WIDTH = 0.1
 MOST_PRESSES = 40
 UNKNOWNS = ("x", "y", "z", "turn about z")
 UNITS = ("mm", "mm", "mm", "deg")

@@ -22,8 +22,8 @@ from gelforge.recording.imaging.frames import Frame
 from gelforge.recording.imaging.images import image_path, reference_path
 
 IMAGES = 40  # compared
-# Of the largest force, and of the check of totals (1 where that is less). On one machine 1e-6; the flow of another
-# processor's instructions may differ by 1e-4. Another reference, crop or remap gives 1e-1.
+# Of the largest force, and of the check of totals (1 where that is less). Measured: 1e-6 on one machine; the flow of
+# another processor's instructions may differ by 1e-4. Another reference, crop or remap gives 1e-1.
 LIMIT = 1e-3
 LEAST_N = 1e-9  # where nothing touches: keeps 0 / 0 out
 

@@ -22,7 +22,7 @@ SAME_SIGN = 0.8
 # A person's rate: crosshead and gauge differ by up to 3, minutes and seconds by 60, milliseconds by 1000; times 1000 times
 # too large are refused (benchmarks/faults.py, inputs).
 DECLARED_RATE = 5.0
-WRONG_UNIT = 1000.0  # between MPa, kPa and Pa, N and mN, mm and um
+WRONG_UNIT = 1000.0  # between MPa, kPa and Pa, N and mN, mm and um (prefixes of NIST SP 811, 2008)
 # Of the largest value, between two measures of the same test: a nominal strain declared as a true one is refused
 # (tests/materials/test_mapping.py).
 AGREES = 0.02
