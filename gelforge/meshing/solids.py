@@ -16,9 +16,7 @@ from gelforge.mechanics.meshes.mesh import Block, Sizes
 
 # mm between the points of a dome's surface: its faces lie 0.3^2 / (8 x 11) = 1e-3 mm inside a dome of radius 11 mm
 # (tests/meshing/test_solids.py).
-DOME_STEP = (
-    0.3  # mm between the points of a dome's surface: its faces lie 1e-3 mm inside a dome of radius 11 mm
-)
+DOME_STEP = 0.3
 DRAFT_STEP = 1.2  # mm, the same for the mesher in an envelope of 0.04 mm, which it follows within that only
 
 

@@ -15,9 +15,7 @@ from gelforge.virtual_lab.true_presses import TruePress
 
 MOST_LEARNT = 300  # training indentations that show what the flow makes of true motion: 12 seconds, measured
 # Keeps regions that hardly move from a map of their noise. Measured: 1e-2 gives the same parts of the error.
-RIDGE_PX2 = (
-    1e-3  # keeps regions that hardly move from a map of their noise; 1e-2 gives the same parts of the error
-)
+RIDGE_PX2 = 1e-3
 
 Recorded = tuple[str, str, str]  # session, press, cell
 DESCRIPTIONS = {
