@@ -44,7 +44,6 @@ MESH_PART = 0.25
 # Of the difference of a depth that is left out, between two depths (benchmarks/interpolation.py).
 DEPTH_PART = 0.4
 ORDER = 2  # of the error in the distance of the sites around, where they are sparser than around the site left out
-SAME_MM = 1e-3
 RELIES = 0.05  # weight from which a label is said to lean on a site
 OWN = ("mesh", "material")  # parts of a solved label's error bar
 
@@ -265,7 +264,7 @@ class SolvedSites:
     def _gap(self, position: np.ndarray) -> float:
         """Return how far the sites around a position lie from it: the mean of the four nearest but itself [mm]."""
         away = np.sort(np.linalg.norm(self._places - position, axis=1))
-        return float(away[away > SAME_MM][:4].mean())
+        return float(away[away > 1e-3][:4].mean())
 
     def _line_part(self, position: np.ndarray) -> Mapping[str, float | np.ndarray]:
         """Return the part of a line's difference at a position (2,): another one in the outermost cells of the lattice.

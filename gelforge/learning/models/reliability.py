@@ -11,7 +11,6 @@ import numpy as np
 QUIET_SHARE = 0.999  # of the untouched validation rows that are to be exactly zero
 MARGIN = 1.5  # times the largest force there: other sessions are noisier than those at hand
 LADDER = np.array([0.5, 1, 2, 4, 8, 16])  # of the bins' threshold over the images'
-LEAST_WIDTH_N = 1e-9  # no errors at all are no division by zero
 # Of the largest bin: a light touch keeps the bins that carry it, however much the others smear
 # (tests/learning/test_reliability.py).
 LIGHT_SHARE = 0.3
@@ -170,7 +169,8 @@ def _by_class(
         for name in names:
             of_group = group == name
             others = _half_widths(error[~of_group], which[~of_group], len(edges) + 1)
-            ratio[of_group] = error[of_group] / np.maximum(others[which[of_group]], LEAST_WIDTH_N)
+            # no errors at all are no division by zero
+            ratio[of_group] = error[of_group] / np.maximum(others[which[of_group]], 1e-9)
         half = half * _conformal(ratio)
     rms = [_root_mean(sigma[which == k] ** 2) for k in range(len(edges) + 1)]
     return edges, half, np.array(rms)

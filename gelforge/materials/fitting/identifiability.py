@@ -19,7 +19,6 @@ WIDTH_TO_WARN = 0.10  # high over low - 1 of a prediction
 REFERENCE = "ogden3"  # contains neo-Hooke and Mooney-Rivlin (alpha = 2, -2) and Ogden with fewer terms, and stiffens twice
 # Of a misfit: with fewer its scatter is not known at all, with three to 1 / sqrt(6) = 41 % (GUM 2008, E.4.3).
 LEAST_FREEDOM = 3.0
-PULL = 100.0  # weight of the prescribed stress: it is met to 1e-4
 SCANNED = np.geomspace(
     1 / 30, 30, 15
 )  # prescribed stress over that of a neo-Hookean law of the same stiffness
@@ -137,7 +136,8 @@ def _prescribed(
             np.concatenate([problem.points.scale, point.scale]),
         ),
         mean=np.append(problem.mean, stress),
-        weight=np.append(problem.weight, PULL / stress),
+        # the prescribed stress is met to 1e-4
+        weight=np.append(problem.weight, 100.0 / stress),
     )
     solutions = [extended.solve(family, start, ROUGH)]
     if family.is_linear or problem.misfit(family, solutions[0]) ** 2 <= limit:

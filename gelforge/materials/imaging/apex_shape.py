@@ -21,7 +21,6 @@ LOWEST_SHARE = 0.3  # of the apex's height over the clamp: keeps off the clamp's
 # Height s of the fitted arc: its radius is c^2 / (8 s), so 0.1 px of systematic error is 1.2 % of it. Membranes stretched
 # by 0.2 % are refused (tests/materials/test_apex_shape.py).
 LEAST_SAGITTA_PX = 8.0
-SHARED_POINTS = 3.0  # neighbouring columns whose errors go together: smoothing and blur reach about so far
 # Columns with an outline, and points near the apex: a needle of 10 columns is refused (tests/materials/test_apex_shape.py).
 LEAST_POINTS = 20
 # Six times noise of 4 grey levels, under which a blurred membrane is found; an even picture is refused
@@ -193,7 +192,8 @@ def _fit_with_errors(
     scale = np.array([1.0, 1.0, start[2], 1.0])[:number]
     fit = least_squares(distance, start[:number], x_scale=scale, loss="soft_l1", f_scale=0.3)
     rms = float(np.sqrt(np.mean(fit.fun**2)))
-    freedom = max(len(points) / SHARED_POINTS - number, 1.0)
+    # errors of neighbouring columns go together: smoothing and blur reach about three of them
+    freedom = max(len(points) / 3.0 - number, 1.0)
     covariance = np.linalg.inv(fit.jac.T @ fit.jac) * rms**2 * len(points) / freedom
     errors = np.zeros(4)
     errors[:number] = np.sqrt(np.diag(covariance))
