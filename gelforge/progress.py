@@ -19,7 +19,6 @@ Item = TypeVar("Item")
 # Seconds after which a log has its first line, and one again where less than this share more is done (judgement): a command
 # that is silent for longer looks broken, and ten hours make 600 lines.
 FIRST_S, EVERY_S, SHARE = 5.0, 60.0, 0.1
-REWRITTEN_S = 0.1  # on a terminal: a person sees no faster change (no result depends on it)
 
 _shown_by = 0  # the process that shows progress
 _shown: list[Progress] = []  # the outermost that runs
@@ -108,7 +107,8 @@ class Progress(_Shown):
 
     def _is_time(self, seconds: float) -> bool:
         if self._rewritten:
-            return seconds - self._told >= REWRITTEN_S
+            # a person sees no faster change
+            return seconds - self._told >= 0.1
         if seconds < FIRST_S:
             return False
         more = self.total is not None and self.done - self._told_done >= SHARE * self.total

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-# unit -> (quantity, factor, offset): value * factor + offset. Factors are exact by definition of the units (NIST SP 811).
+# unit -> (quantity, factor, offset): value * factor + offset. Factors are exact by definition (NIST SP 811, 2008).
 UNITS: dict[str, tuple[str, float, float]] = {
     "1": ("number", 1.0, 0.0),
     "%": ("number", 1e-2, 0.0),

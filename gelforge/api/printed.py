@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import floor, isfinite, log10
 
-MOST_ROWS = 8  # of a table; the middle of a longer one is left out (no result depends on it)
-
 
 def with_error(value: float, sigma: float | None) -> str:
     """Return a number with its standard deviation, to two digits of that; without one to four digits of its own.
@@ -34,10 +32,10 @@ def components(values: Sequence[float], largest: float) -> list[str]:
     return [f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values]
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return rows of text in columns under their heads, two spaces in front."""
-    if len(rows) > MOST_ROWS:
-        half = MOST_ROWS // 2
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], most: int = 8) -> str:
+    """Return rows of text in columns under their heads, two spaces in front; the middle of more than `most` is left out."""
+    if len(rows) > most:
+        half = most // 2
         rows = [*rows[:half], ["..."] * len(head), *rows[-half + 1 :]]
     cells = [list(head), *(list(row) for row in rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]

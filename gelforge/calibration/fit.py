@@ -29,7 +29,6 @@ MOST = 12  # fits; half of them with derivatives of the coarser mesh
 FORM_ERROR = FORM_ERRORS[0]  # of a change of the forces, a share of it
 # Of a prior's standard deviation: two thirds of its probability, in which the columns follow the solved forces.
 NEAR = 1.0
-SHORTER = 4  # times that a step is halved, to a sixteenth, where the finite elements do not reach its end
 # Of the force, by a plausible step: a larger change is taken as linear in place of in proportion.
 PROPORTIONAL = 3.0
 
@@ -215,7 +214,8 @@ def _reached(
     solver: Solver, observations: Observations, free: Sequence[Free], linear: Linear, a: np.ndarray
 ) -> Linear:
     """Return the problem about an estimate, or as far on the way there as the finite elements reach. Raises SolverFailed."""
-    for k in range(SHORTER):
+    # a step is halved, to a sixteenth, where the finite elements do not reach its end
+    for k in range(4):
         there = linear.at + 0.5**k * (a - linear.at)
         study = _study_at(linear.study, free, linear.at, there)
         try:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
 from gelforge.config import ConfigError
 
-NINETY = 1.6449  # standard deviations to either side that hold 90 % of a normal distribution
+NINETY = round(NormalDist().inv_cdf(0.95), 4)  # standard deviations to either side that hold 90 %
 HARDNESS_FACTOR = 2.0  # by which 90 % of moduli differ from what their hardness says (judgement)
 HARDNESS = re.compile(r"shore\s*(a|00|oo)\s*:\s*([0-9.]+)", re.IGNORECASE)
 SOURCES = {

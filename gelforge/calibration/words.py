@@ -8,10 +8,9 @@ from itertools import combinations
 import numpy as np
 
 from gelforge.calibration.fit import Fit
-from gelforge.mismatch.thresholds import INDISTINGUISHABLE
+from gelforge.mismatch.thresholds import ADEQUATE_P, INDISTINGUISHABLE
 
 AT_PRIOR = 0.8  # of the prior's standard deviation: above it the presses have said little
-LEAST_P = 0.01  # of noise: below it the study leaves something out
 REMEDIES = {
     frozenset(("modulus", "thickness")): "press near a wall or deeper, or measure the thickness",
     frozenset(("modulus", "exponent")): "press deeper, or with a smaller ball",
@@ -69,7 +68,7 @@ def sentences(fit: Fit) -> list[str]:
         )
     if not fit.converged:
         said.append(f"The estimate still moved after {fit.solved} solutions; give a narrower prior.")
-    if fit.p < LEAST_P:
+    if fit.p < ADEQUATE_P:
         said.append(
             f"More is left of the readings than their errors allow (p = {fit.p:.1g}), so the study leaves something out and"
             " the intervals are too narrow: `gelforge mismatch` asks what it is."

@@ -82,9 +82,6 @@ def main(argv: list[str] | None = None) -> int:
 NOT_MAPPED = ("failed to map segment", "annot allocate memory")
 
 
-LATER_S = 0.02  # until a signal that came at a bad moment comes again (no result depends on it)
-
-
 class Terminated(BaseException):
     """SIGTERM has come."""
 
@@ -104,7 +101,8 @@ def stop_in_order() -> None:
             raise Terminated
 
     def again():
-        timer = threading.Timer(LATER_S, os.kill, (os.getpid(), signal.SIGTERM))
+        # a signal that came at a bad moment comes again, 20 ms later
+        timer = threading.Timer(0.02, os.kill, (os.getpid(), signal.SIGTERM))
         timer.daemon = True
         timer.start()
 

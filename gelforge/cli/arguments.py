@@ -25,9 +25,6 @@ synthetic data     solve-synthesis, synthesise, virtual-materials, virtual-cell,
 """
 
 
-LONGEST = 300  # characters of a message (no result depends on it)
-
-
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line, with the nearest word for one that it does not know."""
 
@@ -43,8 +40,8 @@ class Parser(argparse.ArgumentParser):
                 message = f"no command {word!r}{remedy}"
             elif near:
                 message = f"argument {what}: {word!r}{remedy}"
-        if len(message) > LONGEST:  # a pattern that the shell has expanded to many files
-            message = f"{message[:LONGEST]} ..."
+        if len(message) > 300:  # a pattern that the shell has expanded to many files
+            message = f"{message[:300]} ..."
         self.exit(2, f"{self.prog}: {message} (help: {self.prog} --help)\n")
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 CONFIG = Path("config")
 STUDY_KEY = re.compile(r"""^study:\s*["']?([A-Za-z0-9_-]+)["']?\s*(?:#.*)?$""", re.MULTILINE)
-ROUND_OFF = 1e-9  # of (last - first) / step: far above its rounding of 1e-16 and far below a step, 1
 
 
 def study_names(*_, **__) -> dict[str, Path]:
@@ -40,7 +39,8 @@ def depth_list(text: str) -> list[float]:
     try:
         if ":" in text:
             first, last, step = (float(part) for part in text.split(":"))
-            count = math.floor((last - first) / step + ROUND_OFF) + 1
+            # (last - first) / step may be rounded by 1e-16
+            count = math.floor((last - first) / step + 1e-9) + 1
             depths = [round(first + i * step, 9) for i in range(count)]
         else:
             depths = [float(part) for part in text.split(",")]

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 CLOCK = "h:mm:ss"  # the unit of such a column: 1:02:03.5, or 62:03.5
-DAY_S = 24 * 3600.0  # after which a clock shows 0:00:00 again
 TIME_OF_CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d{2}(?:\.\d*)?)")
 # no-break, thin and narrow spaces, apostrophe and minus sign, as programs set them
 PLAIN = str.maketrans("\u00a0\u2009\u202f\u2019\u2212", "   '-")
@@ -61,6 +60,7 @@ def numbers_of(
     path: Path, name: str, lines: list[int], column: list[str], signs: Signs, clock: bool, empty_allowed: bool
 ) -> list[float]:
     """Return a column of text as finite numbers; clock: of times h:mm:ss in seconds, past midnight counted on."""
+    day_s = 24 * 3600.0  # after which a clock shows 0:00:00 again
     values, days, read = [], 0.0, signs.seconds if clock else signs.number
     for line, text in zip(lines, column):
         if text == "" and empty_allowed:
@@ -69,8 +69,8 @@ def numbers_of(
         value = read(text)
         if not math.isfinite(value):
             raise TableError(f"{path}, row {line}: {name} is {_no_number(text, signs, clock)}")
-        if clock and values and value + days < values[-1] - DAY_S / 2:
-            days += DAY_S
+        if clock and values and value + days < values[-1] - day_s / 2:
+            days += day_s
         values.append(value + days)
     if len(signs.decimal) > 1 and any("," in text for text in column) and any("." in text for text in column):
         line = next(line for line, text in zip(lines, column) if "." in text)

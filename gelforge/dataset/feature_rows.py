@@ -18,7 +18,6 @@ from gelforge.indentation.paths.places import DEPTH_MATCH_MM, gaps_to, within
 from gelforge.indentation.paths.planned_cell import PlannedCell
 
 FEATURE_FORMAT = "gelforge-features-1"
-SCAN_ROWS = 4096  # rows of a feature file whose names are in memory at a time (no result depends on it)
 
 
 @dataclass
@@ -130,8 +129,9 @@ def rows_of_presses(
 def _scan(path: str | Path) -> Iterator[tuple[int, str, str, str, str, int, float, np.ndarray, int]]:
     """Yield row, press, cell, phase, image, image_index, depth, position (2,) and step of a feature file."""
     with open_features(path) as file:
-        for start in range(0, len(file["press"]), SCAN_ROWS):
-            block = slice(start, start + SCAN_ROWS)
+        read = 4096  # rows in memory at a time
+        for start in range(0, len(file["press"]), read):
+            block = slice(start, start + read)
             texts = [file[name].asstr()[block] for name in ("press", "cell", "phase", "image")]
             numbers = [file[name][block] for name in ("image_index", "depth_mm", "position_mm")]
             steps = file["step"][block] if "step" in file else np.full(len(numbers[0]), -1)

@@ -38,7 +38,6 @@ from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.progress import tracked
 
 ROWS = ("force", "sigma_mesh", "sigma_material")  # of a label, each the total and then the bins (1 + B, 3)
-COPIED = 256  # indentations that are in memory at a time when the file is written (no result depends on it)
 
 
 @dataclass
@@ -302,8 +301,9 @@ def _write(out, study, laws, session, identity, presses, progress: Progress, lab
                 compression_opts=1,
                 shuffle=True,
             )
-            for first in range(0, count, COPIED):
-                chosen = slice(first, min(first + COPIED, count))
+            copied = 256  # indentations in memory at a time
+            for first in range(0, count, copied):
+                chosen = slice(first, min(first + copied, count))
                 known = labels[chosen, row].copy()
                 known[max(0, progress.done - first) :] = np.nan
                 file[total][chosen], file[bins][chosen] = known[:, 0], known[:, 1:]

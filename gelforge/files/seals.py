@@ -17,9 +17,7 @@ DIGITS = b"0" * 64  # in place of a digest until it is known
 SEAL = re.compile(rb"sha256:([0-9a-f]{64})")
 UNSEALED = b"sha256:" + DIGITS
 USER_BLOCK = 512  # bytes before the content of an HDF5 file, the least that the format allows
-HEAD = 4096  # bytes at the beginning of a file among which its checksum is looked for
 TAIL = len(UNSEALED)  # bytes at the end of a zip archive
-CHUNK = 1 << 16  # bytes that are read at once (no result depends on it)
 # errors of the machine, not of the file
 NOT_THE_FILE = {
     errno.EMFILE: "too many files are open; raise the limit (ulimit -n) and run again",
@@ -173,7 +171,7 @@ def _compare(found: str, stated: str) -> None:
 def _seal_place(path: Path) -> int | None:
     """Return where in a file the digits of its checksum begin: near its beginning, or at its very end."""
     with open(path, "rb") as file:
-        head = SEAL.search(file.read(HEAD))
+        head = SEAL.search(file.read(4096))  # it stands at the beginning of a file
         if head:
             return head.start(1)
         size = file.seek(0, os.SEEK_END)
@@ -185,12 +183,12 @@ def _sum(path: Path, place: int) -> str:
     """Return the SHA-256 of a file in which the digits at a place count as zeros."""
     total = hashlib.sha256()
     with open(path, "rb") as file:
-        left = place
-        while left and (chunk := file.read(min(CHUNK, left))):
+        left, at_once = place, 1 << 16  # bytes
+        while left and (chunk := file.read(min(at_once, left))):
             total.update(chunk)
             left -= len(chunk)
         file.read(len(DIGITS))
         total.update(DIGITS)
-        while chunk := file.read(CHUNK):
+        while chunk := file.read(at_once):
             total.update(chunk)
     return total.hexdigest()

@@ -15,8 +15,6 @@ from pathlib import Path
 
 from gelforge.files.seals import FileError, errno_of, seal
 
-# A temporary file of another machine that nobody has written to for a day, 86400 s, has lost its owner.
-STALE_S = 86400.0
 NO_ROOM = {
     errno.ENOSPC: "no space is left on the device",
     errno.EDQUOT: "the disk quota is used up",
@@ -148,7 +146,8 @@ def _lives(path: Path, machine: str, process: int, started: int) -> bool:
     """Return whether the owner of a temporary file may still write to it."""
     if machine != _machine():
         try:
-            return os.path.getmtime(path) > time.time() - STALE_S
+            # of another machine: after a day without a change it has lost its owner
+            return os.path.getmtime(path) > time.time() - 86400
         except OSError:
             return False
     try:

@@ -24,7 +24,6 @@ from gelforge.recording.imaging.frames import SUFFIXES, decoded, images_in
 from gelforge.recording.imaging.images import refuse_turned
 from gelforge.units import UNITS, known_unit
 
-SMALL_PX = 80  # width to which frames are reduced before they are compared
 # Of decoded frames: a longer film is decoded a second time for the chosen ones (no result depends on it).
 KEPT_BYTES = 1_000_000_000
 
@@ -156,11 +155,10 @@ def _frames(path: Path, topic: str | None) -> Iterator[tuple[str, float, np.ndar
 
 
 def _small(image: np.ndarray) -> np.ndarray:
-    small = grey(image)
-    rows, columns = small.shape
-    if columns > SMALL_PX:
-        height = max(1, round(SMALL_PX * rows / columns))
-        small = cv2.resize(small, (SMALL_PX, height), interpolation=cv2.INTER_AREA)
+    small, width = grey(image), 80  # px, to which frames are reduced before they are compared
+    if small.shape[1] > width:
+        height = max(1, round(width * small.shape[0] / small.shape[1]))
+        small = cv2.resize(small, (width, height), interpolation=cv2.INTER_AREA)
     return small.astype(np.float32)
 
 

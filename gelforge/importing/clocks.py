@@ -10,21 +10,24 @@ import numpy as np
 from scipy.ndimage import percentile_filter
 from scipy.signal import correlate, correlation_lags, find_peaks
 
+from gelforge.config.foreign.importing import ImportMapping
 from gelforge.importing.refusals import ImportingError
 
 # Lags of SYNTHETIC logs are found within 5 ms, and logs of two sessions are refused (tests/importing/test_clocks.py):
 GRID_S = 0.02  # of a coarse lag: bends give it to a tenth of this afterwards
-BASELINE_S = 60.0  # the signal at rest is its 15th percentile over so long
-REST_PERCENTILE = 15  # low, as presses may fill most of a minute, and no minimum, which is noise
 LEVELS = 25  # heights of the surface that are tried
-POWER = 1.5  # of force over depth: enough for a correlation
-POWERS = (1.0, 1.5, 2.0, 2.5)  # for where the surface is
-LEAST_CORRELATION = 0.5  # a quarter of the variance: logs of one session reach 0.9 (judgement)
-CANDIDATE, RIVAL = 0.9, 0.95  # of the best correlation: looked at; as good
-APART_S = 0.3  # the shortest wait (`least_dwell_s`): nearer lags are one peak
+POWER = 1.5  # of force over depth, as of a ball on a thick gel (Hertz 1882): enough for a correlation
+# for where the surface is: a flat punch has 1, Hertz's ball 1.5, layers on a rigid base more
+POWERS = (1.0, 1.5, 2.0, 2.5)
+# A quarter of the variance: logs of one session reach 0.9, the force of another or a dead one is refused
+# (tests/importing/test_clocks.py, test_raw_files.py).
+LEAST_CORRELATION = 0.5
+# Of the best correlation: looked at; as good. Equal indentations without a rest at the ends of the logs are ambiguous,
+# between rests they are not (tests/importing/test_clocks.py).
+CANDIDATE, RIVAL = 0.9, 0.95
+APART_S = ImportMapping.model_fields["least_dwell_s"].default  # the shortest wait: nearer lags are one peak
 NEAR_STEPS = 6  # of the grid, about the best lag: relaxation shifts it
 STRONG = 0.3  # of the median peak: an indentation that both signals must show
-MARGIN_S = 0.3  # of the overlap, where a smoothed signal knows one side only
 
 
 class Signal(NamedTuple):
@@ -123,8 +126,10 @@ def rise(times: np.ndarray, signal: np.ndarray) -> np.ndarray:
     """Return a signal (n,) on an even grid above its rest, at least 0; rest may drift over a minute."""
     step = 10
     few = signal[::step]
-    size = max(3, min(len(few), int(BASELINE_S / (times[1] - times[0]) / step)))
-    rest = percentile_filter(few, REST_PERCENTILE, size, mode="nearest")
+    # the signal at rest, over a minute
+    size = max(3, min(len(few), int(60.0 / (times[1] - times[0]) / step)))
+    # low, as presses may fill most of a minute, and no minimum, which is noise
+    rest = percentile_filter(few, 15, size, mode="nearest")
     return np.maximum(signal - np.interp(times, times[::step], rest), 0.0)
 
 
@@ -192,7 +197,8 @@ def runs_above(values: np.ndarray, limit: float) -> list[tuple[int, int]]:
 
 def contradictions(grid, depth, times, height, lag: float) -> int:
     """Return how many strong indentations inside what both logs cover one of two signals shows and the other does not."""
-    start, end = max(grid[0], times[0] - lag) + MARGIN_S, min(grid[-1], times[-1] - lag) - MARGIN_S
+    # at its ends a smoothed signal knows one side only
+    start, end = max(grid[0], times[0] - lag) + 0.3, min(grid[-1], times[-1] - lag) - 0.3
     pairs = [(grid, depth, times - lag, height), (times - lag, height, grid, depth)]
     count = 0
     for own_s, shown, other_s, other in pairs:

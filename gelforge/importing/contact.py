@@ -22,7 +22,8 @@ EXPONENTS = np.arange(0.8, 2.61, 0.1)
 # Intervals hold the contact points of SYNTHETIC logs, noisy and relaxing ones too (tests/importing/test_presses.py):
 PLACES = 81  # that are tried, then twice as many within the neighbourhood of the least
 SHARES = (1.0, 0.5, 0.25)  # of the depth that are fitted, in turn
-GOOD_MM = 0.01  # half an interval that is precise
+# Half an interval that is precise: contact points are held to 0.02 mm (tests/importing/test_presses.py).
+GOOD_MM = 0.01
 LEAST_MODEL_MM = 0.004  # encoders, and relaxation while loading
 # of the depth, and at least so many mm: travel before contact that shows the force at rest
 BEFORE, LEAST_BEFORE_MM = 0.6, 0.3

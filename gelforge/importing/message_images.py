@@ -16,7 +16,7 @@ from gelforge.importing.messages import field, messages, seconds
 from gelforge.importing.refusals import ImportingError
 from gelforge.recording.imaging.frames import decoded
 
-# Of a pixel, by the encodings of sensor_msgs in ROS 2.
+# Of a pixel, by the encodings of sensor_msgs (image_encodings.hpp of ROS 2 Humble, 2022).
 CHANNELS = {"mono8": 1, "8UC1": 1, "rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "8UC4": 4}
 TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "rgba8": cv2.COLOR_RGBA2BGR, "bgra8": cv2.COLOR_BGRA2BGR}
 VIDEO = {"h264": ".h264", "h265": ".h265"}  # bare streams, which OpenCV reads from a file

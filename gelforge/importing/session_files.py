@@ -16,7 +16,6 @@ from gelforge.importing.refusals import ImportingError
 from gelforge.importing.streams import Stream
 from gelforge.indentation.paths.places import POSITION_MATCH_MM, gaps_to, within
 
-ZERO_ROWS = 3  # spread over the rest before contact
 LEAVING_S = 0.03  # before the stage leaves, no reading
 CLEAR_OF_TOP_MM = 0.05  # of readings on a ramp, which ends in one of its own
 COLUMNS = ["press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm", "speed_mm_per_s", "dwell_s",
@@ -71,7 +70,7 @@ def _rows(
     tolerance_mm: float,
 ) -> list[dict]:
     xy = np.round(place_of(press), 3)
-    rows = [_zero_row(zero, stage, at, xy) for at in np.linspace(*press.zero_s, ZERO_ROWS + 2)[1:-1]]
+    rows = [_zero_row(zero, stage, at, xy) for at in np.linspace(*press.zero_s, 5)[1:-1]]
     if frames:
         k, at = frames.near(rows[-1]["time_s"])
         if not press.zero_s[0] <= at <= press.zero_s[1]:

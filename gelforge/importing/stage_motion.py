@@ -13,11 +13,9 @@ from gelforge.robust import SIGMA_OF_MEDIAN
 
 # Waits and stops of SYNTHETIC stages, one in steps of its encoder too, are found (tests/importing/test_presses.py):
 NOISE_BANDS = 4.0  # of the encoder's noise: a stage within is at rest
-LEAST_BAND_MM = 0.003  # a stage that follows its command holds it to some micrometres (judgement)
-FULL_SPEED = 0.8  # of a ramp's largest speed: samples that brake or accelerate are slower
-LONGEST_RAMP_S = 0.5  # of a ramp that says when the stage stopped
-MOST_RAMP_SAMPLES = 40  # the same in rows of a fast log
-TIE_MM = 1e-6  # below every encoder's step
+# A stage that follows its command holds it to some micrometres; one of an encoder's step is no motion
+# (tests/importing/test_presses.py).
+LEAST_BAND_MM = 0.003
 
 
 @dataclass(frozen=True)
@@ -64,8 +62,8 @@ def excursions(
     travel = xyz[:, 2]
     # the ends of the log count as retreats, so that a log that begins or ends deep has an excursion there
     low = travel.min() - 2 * least_retreat_mm
-    # equal readings of a wait would each be a peak of full height: the later one is made the higher
-    padded = np.concatenate([[low], travel + np.linspace(0, TIE_MM, len(travel)), [low]])
+    # equal readings of a wait would each be a peak of full height: the later one is made higher by a nanometre
+    padded = np.concatenate([[low], travel + np.linspace(0, 1e-6, len(travel)), [low]])
     peaks, _ = find_peaks(padded, prominence=least_retreat_mm)
     peaks = peaks - 1
     waits = _waits(time, xyz, band_mm(travel), least_dwell_s)
@@ -111,10 +109,10 @@ def _meets(time, travel, row: int, level: float, band: float, step: int) -> tupl
 
     The line is that of the samples at full speed next to the rest.
     """
-    limit = MOST_RAMP_SAMPLES
+    limit = 40  # rows of a ramp in a fast log; 0.7 s in a slow one
     moving, k = [row], row + step
     direction = 0.0
-    while 0 <= k < len(time) and len(moving) < limit + 1 and abs(time[k] - time[row]) <= LONGEST_RAMP_S + 0.2:
+    while 0 <= k < len(time) and len(moving) < limit + 1 and abs(time[k] - time[row]) <= 0.7:
         move = travel[k] - travel[k - step]
         if abs(travel[k] - level) > band:
             if direction and move * direction <= 0:
@@ -126,7 +124,8 @@ def _meets(time, travel, row: int, level: float, band: float, step: int) -> tupl
     if len(rows) < 2:
         return float("nan"), float("nan")
     speed = np.abs(np.diff(travel[rows]) / np.diff(time[rows]))
-    fast = speed >= FULL_SPEED * np.median(speed[speed >= 0.5 * speed.max()])
+    # samples that brake or accelerate are slower
+    fast = speed >= 0.8 * np.median(speed[speed >= 0.5 * speed.max()])
     kept = np.unique(np.concatenate([rows[:-1][fast], rows[1:][fast]]))
     slope, offset = np.polyfit(time[kept] - time[row], travel[kept], 1)
     if slope == 0:

@@ -19,10 +19,13 @@ from gelforge.importing.refusals import ImportingError, refuse_pickle
 from gelforge.importing.time_stamps import stamps, units_of
 from gelforge.units import UNITS, known_unit, unit_in_header, unit_named
 
-# Faulty logs are refused and their right neighbours read in `python -m benchmarks.faults inputs`:
+# Faulty logs are refused and their right neighbours read (benchmarks/faults.py, inputs):
 LEAST_ROWS = 20  # fewer show no indentation with its waits
-JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0  # from row to row, and so fast: no stage or robot that presses gels
-# of a log without samples: no clock can be aligned across it
+# From row to row, and so fast: no stage or robot that presses gels. Rows of two robots 450 mm apart are refused
+# (tests/importing/test_raw_files.py).
+JUMP_MM, JUMP_MM_PER_S = 20.0, 3000.0
+# Of a log without samples: no clock can be aligned across it. 30 missing rows of a stage's log, a second, are refused
+# (tests/importing/test_raw_files.py).
 GAP_PERIODS, GAP_S = 10.0, 0.5
 COUNTS = re.compile(  # to a unit of force, not of torque: N m, N-m, Nmm
     r"(?:counts?\s*(?:per|/)\s*(?:unit\s*)?(?:force|newtons?|N)\b(?![\s*·⋅.-]*m{1,2}\b)|\bCpF\b)[^\d-]*"
@@ -30,7 +33,6 @@ COUNTS = re.compile(  # to a unit of force, not of torque: N m, N-m, Nmm
     re.IGNORECASE,
 )
 FORCE_UNIT = re.compile(r"force\s*units?\W+([A-Za-z]+)", re.IGNORECASE)
-MOST_LINES_ABOVE = 100  # of a header
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def counts_above_header(path: Path, source: ForceSource, values: np.ndarray) -> 
     recorded = values / UNITS[known_unit(source.unit)][1]
     if is_bag(path) or not (np.abs(recorded - np.round(recorded)) < 1e-6).all():
         return None
-    top = lines_of(path, source.table.csv_form({}))[:MOST_LINES_ABOVE]
+    top = lines_of(path, source.table.csv_form({}))[:100]
     head = next((i for i, line in enumerate(top) if all(name in line for name in source.columns)), 0)
     counts = None
     for line in top[:head]:

@@ -13,13 +13,15 @@ from gelforge.importing.refusals import ImportingError
 from gelforge.recording.plausibility.streams import COARSEST_TICK_S, spread_stamps
 from gelforge.units import UNITS, known_unit
 
-# Clocks that are set and stamps without digits are refused, right ones read in `python -m benchmarks.faults inputs`:
-UNEVEN_S = 0.25  # off the straight line through stamps that are declared even: samples were lost
+# Off the straight line through stamps that are declared even: samples were lost. A jitter of 2 ms passes
+# (tests/importing/test_clocks.py), a clock that is set or loses its digits is refused (benchmarks/faults.py, inputs).
+UNEVEN_S = 0.25
 FEW_DIGITS = range(
     6, 10
 )  # significant digits: what programs write unasked (%g), to tens of seconds of an epoch
 STEPS_BACK = 3  # at most, of a clock that was set; more are jitter, or rows in no order
-LEAST_STEP_PERIODS = 3.0  # between rows: less is jitter
+# Between rows: less is jitter. A clock that is set back by 0.4 s is none (tests/importing/test_logs_of_programs.py).
+LEAST_STEP_PERIODS = 3.0
 # customary ways to write dates, to name in an error; day and month may be either
 DAYS = ("%m/%d/%Y", "%d/%m/%Y", "%d.%m.%Y", "%Y/%m/%d", "%m/%d/%y", "%d.%m.%y", "%d-%b-%Y", "%Y-%m-%d")
 TIMES = ("%H:%M:%S.%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p", "%H:%M:%S,%f")

@@ -15,18 +15,23 @@ from scipy.ndimage import median_filter
 from gelforge.importing.clocks import Match, Signal
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion
-from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, bend_near
+from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, WINDOW_S, bend_near
 from gelforge.robust import SIGMA_OF_MEDIAN
 
 # Lags of SYNTHETIC logs are found within 5 ms, with drift and jitter too (tests/importing/test_clocks.py):
 LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each indentation on its own
 RATE_STEPS = 6  # between which rates are taken
-WINDOW_S = 0.35  # of the signal on each side of a bend
 LARGEST_SE_S = 0.01  # of the lag of the whole session
-DRIFT_S, DRIFT_SE = 0.006, 4.0  # over the session: drift beyond both
-JUMP_S, JUMP_SPREADS = 0.02, 5.0  # of an indentation's lag off the line
+# Over the session: drift beyond both. A clock that gains 900 ppm in eight indentations is refused, even ones pass
+# (tests/importing/test_clocks.py).
+DRIFT_S, DRIFT_SE = 0.006, 4.0
+# Of an indentation's lag off the line: 11 dropped frames and steps of 0.25 s are named (tests/importing/test_clocks.py,
+# test_logs_of_programs.py).
+JUMP_S, JUMP_SPREADS = 0.02, 5.0
 LEAST_PRESSES = 3  # two make a line whatever they show
-STEP_SHARE = 0.25  # of a jump of the lag, within which a step between two stamps explains it
+# Of a jump of the lag, within which a step between two stamps explains it: steps of 0.25 s name the clock that made them
+# (tests/importing/test_logs_of_programs.py).
+STEP_SHARE = 0.25
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from gelforge.config import Indenter, Sensor
 from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.planning.lattice import LAST, Index, Lattice, name_of
 from gelforge.indentation.sensor.symmetry import transform_bins, transform_vectors
+from gelforge.indentation.solving.error_bars import SMOOTHING
 from gelforge.interpolation.nodal_forces import NodalForces, ball_of, contact_width, moved_map
 from gelforge.interpolation.weights import depth_weights, nearest, place_weights, positive_weights
 from gelforge.mechanics.indenters.shapes import Sphere
@@ -42,10 +43,7 @@ FINE_END_PART: Mapping[str, float | np.ndarray] = {"bin": 0.6, "total": 0.8}
 MESH_PART = 0.25
 # Of the difference of a depth that is left out, between two depths (benchmarks/interpolation.py).
 DEPTH_PART = 0.4
-SMOOTHING = 0.6  # standard deviation of the mean square over bins along x and y and over depths
 ORDER = 2  # of the error in the distance of the sites around, where they are sparser than around the site left out
-SAME_MM = 1e-3
-NEIGHBOURS = 8  # sites whose error bars are carried to a place
 RELIES = 0.05  # weight from which a label is said to lean on a site
 OWN = ("mesh", "material")  # parts of a solved label's error bar
 
@@ -266,7 +264,7 @@ class SolvedSites:
     def _gap(self, position: np.ndarray) -> float:
         """Return how far the sites around a position lie from it: the mean of the four nearest but itself [mm]."""
         away = np.sort(np.linalg.norm(self._places - position, axis=1))
-        return float(away[away > SAME_MM][:4].mean())
+        return float(away[away > 1e-3][:4].mean())
 
     def _line_part(self, position: np.ndarray) -> Mapping[str, float | np.ndarray]:
         """Return the part of a line's difference at a position (2,): another one in the outermost cells of the lattice.
@@ -308,7 +306,7 @@ class SolvedSites:
             if not known_at:
                 return None
             places = np.array([self.sites[at].place for at in known_at])
-            chosen = nearest(places, position)[:NEIGHBOURS]
+            chosen = nearest(places, position)[:8]
             total = np.zeros(())
             for number, weight in zip(chosen, positive_weights(places[chosen], position)):
                 values = mixed(by_place[known_at[number]][key])

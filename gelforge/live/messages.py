@@ -30,16 +30,13 @@ from gelforge.live.compute import Reading
 
 VERSION = 1  # of the messages in docs/live.md
 
-# What a page shows, on which no result depends:
-KEPT = 500  # latencies of which percentiles are reported: five lie above the 99th
-WINDOW_S = 2.0  # over which frames per second are counted
-
 
 class Rates:
     """Latency and frames per second of the frames just passed."""
 
     def __init__(self) -> None:
-        self.latencies: deque[float] = deque(maxlen=KEPT)  # s from capture to force
+        # latencies of which percentiles are reported: five lie above the 99th
+        self.latencies: deque[float] = deque(maxlen=500)  # s from capture to force
         self.done: deque[float] = deque(maxlen=4096)  # times at which they were ready [s]
         self._told: dict = {}
         self._told_at = -np.inf
@@ -54,7 +51,7 @@ class Rates:
         now = time.time()
         if now - self._told_at > 0.25 and self.latencies:
             p50, p99 = np.percentile(self.latencies, [50, 99])
-            recent = [t for t in self.done if t > now - WINDOW_S]
+            recent = [t for t in self.done if t > now - 2.0]  # of the last two seconds
             span = recent[-1] - recent[0] if recent else 0.0
             self._told = {
                 "latency_p50_ms": round(1e3 * p50, 2),

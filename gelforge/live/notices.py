@@ -7,9 +7,10 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-# How often a person is warned, on which no result depends:
-LASTS_S = 1.0  # a warning is printed once it has lasted so long
-EVERY_S = 30.0  # at most one line of a kind
+# A warning is printed once it has lasted so long: half a second of flicker is not (tests/learning/test_notices.py).
+LASTS_S = 1.0
+# At most one line of a kind: three minutes of flicker are seven lines (tests/learning/test_notices.py).
+EVERY_S = 30.0
 
 
 @dataclass

@@ -17,10 +17,6 @@ from gelforge.files import no_room
 from gelforge.live.compute import Reading
 
 FORMAT = "gelforge-live-1"
-WAITING = (
-    2000  # readings, a minute at 30 frames per second; what a disk that is slower still misses is counted
-)
-FLUSH_S = 1.0  # of readings are lost at most where the process is killed (no result depends on it)
 # name: (shape of a row, type, description)
 COLUMNS = {
     "number": ((), "i8", "number of the frame, from 0 [1]"),
@@ -71,7 +67,8 @@ class Recorder:
         )
         self.problem, self.left_out = "", 0
         self._limits, self._bytes, self._row_bytes = limits, 0, 0
-        self._queue: queue.Queue[Reading | None] = queue.Queue(WAITING)
+        # a minute at 30 frames per second; what a slower disk still misses is counted
+        self._queue: queue.Queue[Reading | None] = queue.Queue(2000)
         bins = about["bins"][0] * about["bins"][1]
         self._file = h5py.File(self.path, "x")
         self._file.attrs.update(
@@ -111,7 +108,9 @@ class Recorder:
                     batch.append(self._queue.get())
                 going = None not in batch
                 self._append([reading for reading in batch if reading is not None])
-                if time.monotonic() - flushed > FLUSH_S:
+                if (
+                    time.monotonic() - flushed > 1.0
+                ):  # s of readings are lost at most where the process is killed
                     self._file.flush()
                     flushed = time.monotonic()
                 full = self._bytes >= 1e6 * self._limits.largest_mb

@@ -15,7 +15,6 @@ from gelforge.live.record import LIMITS, Limits, Recorder, RecordingLimit
 from gelforge.live.server import Server
 from gelforge.recording.imaging.frames import Frame
 
-SILENT_S = 2.0  # without a frame, after which clients are warned (no result depends on it)
 RECORDINGS = "live-recordings"  # folder for the page's record button, where --record names none
 
 
@@ -120,14 +119,15 @@ def run_live(
     with Capture(open_source) as capture:
         if folder:
             run.start_recording()
+        silent_s = 2.0  # without a frame, after which clients are warned
         try:
             while True:
-                shot = capture.newest(SILENT_S)
+                shot = capture.newest(silent_s)
                 run.obey()
                 if shot is None and capture.ended:
                     break
                 if shot is None:
-                    text = f"no frame for {SILENT_S:g} s; is the camera still connected?"
+                    text = f"no frame for {silent_s:g} s; is the camera still connected?"
                     reading = Reading(capture.captured, time.time(), problem=text)
                 else:
                     reading = run.reading(shot)

@@ -28,10 +28,7 @@ from gelforge.live.messages import text_of
 STREAM = "/stream"
 COMMANDS = ("zero", "record", "stop")
 
-# Budgets of a server, on which no result depends:
-LARGEST_MESSAGE = 1024  # bytes from a client: commands have some twenty
 MOST_CLIENTS = 16  # with 30 kB of bins each at 30 frames per second they take 14 MB/s (judgement)
-ALIVE_S = 10  # between pings, and until a client that answers none is given up
 SAFETY = {  # of the page: it loads nothing from anywhere and stands in no other page
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
     "connect-src 'self'; img-src data:; frame-ancestors 'none'",
@@ -151,11 +148,11 @@ class Server:
             self.host,
             self.port,
             process_request=self._answer,
-            max_size=LARGEST_MESSAGE,
+            max_size=1024,  # bytes: commands have some twenty
             max_queue=4,
             compression=None,
-            ping_interval=ALIVE_S,
-            ping_timeout=ALIVE_S,
+            ping_interval=10,  # s
+            ping_timeout=10,  # s, until a client that answers none is given up
             close_timeout=1,
             server_header=None,
         )

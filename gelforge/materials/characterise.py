@@ -43,7 +43,6 @@ CURVE_COLUMNS = [
     "model_nominal_stress_kPa",
 ]
 MEAN = "mean"  # the sample name of the averaged curve
-SEED = 20191113  # of the bootstrap; the same files give the same intervals
 NOTHING_MEASURED = "the constitutive model was given, or read from a file; no test was fitted"
 
 
@@ -298,7 +297,8 @@ def with_bootstrap(
     table: pd.DataFrame, curves: list[MeanCurve], fit: LawFit, replicates: int, workers: int
 ) -> pd.DataFrame:
     """Return the table with the bootstrap's 95 % intervals of the fitted law's parameters and modulus added."""
-    drawn = bootstrap_samples(curves, fit, replicates, SEED, workers)
+    # the seed: the same files give the same intervals
+    drawn = bootstrap_samples(curves, fit, replicates, 20191113, workers)
     moduli = np.array([fit.family.law(theta).youngs_modulus * 1e3 for theta in drawn.theta])
     quantities = dict(zip((n.removesuffix("_kPa") for n in fit.family.parameters), drawn.parameters.T)) | {
         "E": moduli

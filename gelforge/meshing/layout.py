@@ -16,7 +16,9 @@ from gelforge.meshing.solids import Solids
 
 # Chambers and gaps of small bodies are distinguished from touching ones (tests/meshing/test_layout.py):
 SAME_PLACE = 5e-4  # of the body's largest extent: surfaces this near coincide, 0.01 mm of 20 mm
-THIN = 0.02  # of it: a gap between facing surfaces that is narrower is no chamber, 0.4 mm of 20 mm
+# Of it: a gap between facing surfaces that is narrower is no chamber, 0.4 mm of 20 mm. One of 0.1 mm is asked about
+# (tests/meshing/test_layout.py).
+THIN = 0.02
 FACING = -0.7  # cosine between normals of faces that look at each other
 SHARE = 0.01  # of a surface's points that must face another across a thin gap: fewer lie along an edge
 

@@ -14,10 +14,9 @@ import numpy as np
 from gelforge.mechanics.indenters.closed_surface import ClosedSurface, SurfaceError, closed_surface
 from gelforge.mechanics.meshes.mesh import Block, Sizes
 
-DOME_STEP = (
-    0.3  # mm between the points of a dome's surface: its faces lie 1e-3 mm inside a dome of radius 11 mm
-)
-DRAFT_STEP = 1.2  # mm, the same for the mesher in an envelope of 0.04 mm, which it follows within that only
+# mm between the points of a dome's surface: its faces lie 0.3^2 / (8 x 11) = 1e-3 mm inside a dome of radius 11 mm
+# (tests/meshing/test_solids.py).
+DOME_STEP = 0.3
 
 
 @dataclass(frozen=True)
@@ -130,9 +129,8 @@ def dome_solids(
             f"{sharpest:.3g} mm: no surface parallel to the dome lies there; make them thinner or the dome rounder"
         )
     surfaces = tuple(closed_surface(*_dome(axes, offset, DOME_STEP)) for offset in offsets)
-    step = DRAFT_STEP * np.sqrt(
-        envelope / Sizes.envelope
-    )  # a chord's distance from its curve goes with its square
+    # 1.2 mm for the mesher in an envelope of 0.04 mm, which it follows within that only
+    step = 1.2 * np.sqrt(envelope / Sizes.envelope)  # a chord's distance from its curve goes with its square
     drafts = tuple(_dome(axes, offset, step) for offset in offsets)
     return Solids(tuple(name for name, _ in layers), surfaces, drafts, -height)
 

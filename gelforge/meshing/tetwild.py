@@ -27,8 +27,6 @@ SEED = 5489
 RANDOM_READ = b"_ZNSt13random_device9_M_getvalEv"  # std::random_device::operator() of libstdc++
 # The mean quality at which fTetWild stops improving, its own default (Hu et al. 2020).
 STOP_ENERGY = 10.0
-SAID = 200  # characters of the mesher's last words that a message repeats (no result depends on it)
-GRID = 40  # intervals of the sizing field along the longest side
 
 
 class TetwildError(ValueError):
@@ -80,13 +78,14 @@ def tetrahedralize(
 
 def _last_words(said: str) -> str:
     """Return the end of what a process said on one line, and what it means where its memory did not suffice."""
-    words = " ".join(said.split())[-SAID:] or "it said nothing"
+    words = " ".join(said.split())[-200:] or "it said nothing"
     return f"{words}, too little memory" if "bad_alloc" in words else words
 
 
 def _background(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return points and tetrahedra (six to a cell) of a regular grid of a box, on which sizes are given."""
-    n = np.maximum(np.ceil(GRID * (high - low) / (high - low).max()).astype(int), 2)
+    # 40 intervals along the longest side
+    n = np.maximum(np.ceil(40 * (high - low) / (high - low).max()).astype(int), 2)
     lines = [np.linspace(a, b, m + 1) for a, b, m in zip(low, high, n)]
     points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     cell = np.stack(np.meshgrid(*[np.arange(m) for m in n], indexing="ij"), axis=-1).reshape(-1, 3)

@@ -11,15 +11,17 @@ from gelforge.config import Camera, Sensor
 from gelforge.recording.imaging.flow import Flow, read_grey
 from gelforge.recording.imaging.image_measures import PRESET
 from gelforge.recording.imaging.images import image_path, reference_path
+from gelforge.recording.optics.calibration import OUTLIER
 from gelforge.recording.optics.camera import CameraError, image_axes, project
 from gelforge.recording.optics.expansion import centre_of_expansion
 from gelforge.recording.readings import Recording, at_commanded_depth
 
 # Poses of drawn presses and their errors: `python benchmarks/cameras.py`:
 LEAST_POSITIONS = 4  # three determine the four unknowns twice over only with a fourth's residual
-LEAST_WIDTH = 0.1  # spread of the positions across their line, over that along it
+# Spread of the positions across their line, over that along it: positions on a line are refused
+# (tests/recording/test_camera_pose.py).
+LEAST_WIDTH = 0.1
 MOST_PRESSES = 40
-OUTLIER = 4.0  # over the median residual; such an indentation is left out once
 UNKNOWNS = ("x", "y", "z", "turn about z")
 UNITS = ("mm", "mm", "mm", "deg")
 

@@ -15,8 +15,6 @@ from gelforge.recording.tables.checks import RecordingError
 
 # Copies of a recording are found, and like ones are none (tests/recording/test_copies.py):
 SAME_SHARE = 0.5  # of the smaller session's readings at depth
-# compared, of readings that are equal: coarse readings of two sessions may agree, their images do not
-IMAGES = 5
 NUMBERS = ("time_s", "x_mm", "y_mm")
 FORCES = ("fx_N", "fy_N", "fz_N")
 
@@ -43,7 +41,7 @@ def check_copies(folders: Mapping[str, Path]) -> None:
         if len(both) < max(SAME_SHARE * least, 1) or not _same_forces(folders[one], folders[other]):
             continue
         images = [(readings[one][row], readings[other][row]) for row in both]
-        named = [pair for pair in images if all(pair)][:IMAGES]
+        named = [pair for pair in images if all(pair)][:5]
         if all(_same_image(folders[one], a, folders[other], b) for a, b in named):
             raise RecordingError(
                 f"{folders[other]}: sessions {one} and {other} hold the same recording, {len(both)} of {least} readings at"

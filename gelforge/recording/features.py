@@ -34,7 +34,6 @@ from gelforge.recording.readings import Recording, raw_digest, sample_rows
 from gelforge.recording.tables.checks import before_shear
 
 FORMAT = "gelforge-features-1"
-BATCH = 64  # images in memory at a time (no result depends on it)
 OF_ANY_IMAGE = {"image_readable", "image_content", "image_exposure"}  # tests that compare no motions
 
 # name: (unit, description), N images
@@ -248,8 +247,9 @@ def judge_all(recording: Recording, table: pd.DataFrame, scale: float) -> Findin
 
 def _keep(feature: h5py.Dataset, rows: np.ndarray) -> None:
     """Move the rows kept to the front of a dataset and cut the rest off."""
-    for start in range(0, len(rows), BATCH):
-        block = rows[start : start + BATCH]
+    size = 64  # rows in memory at a time
+    for start in range(0, len(rows), size):
+        block = rows[start : start + size]
         if block[-1] >= start + len(block):  # something before it was left out
             feature[start : start + len(block)] = feature[block]
     feature.resize(len(rows), axis=0)
@@ -296,7 +296,7 @@ def features_digest(folder: str | Path, session: Session, settings: Features) ->
 def _features_in_batches(
     recording: Recording, settings: Features, rows: pd.DataFrame, workers: int
 ) -> Iterator[list[tuple[np.ndarray, Measures]]]:
-    """Yield features (2 m) and measures of a recording's images in their order, up to BATCH at a time.
+    """Yield features (2 m) and measures of a recording's images in their order, 64 at a time.
 
     Whether the flow fits the image is measured of the first image of an indentation before contact, at depth and at each
     step of a path.
@@ -319,7 +319,7 @@ def _features_in_batches(
 
     names, firsts = iter(rows["image"]), iter(~rows.duplicated(["press", "phase", "step"]))
     with ThreadPoolExecutor(workers) as pool:
-        while batch := list(islice(names, BATCH)):
+        while batch := list(islice(names, 64)):
             yield list(pool.map(features, batch, islice(firsts, len(batch))))
 
 

@@ -18,7 +18,6 @@ TRIES = 200  # until one fits the sensor
 SHEAR_STEP_MM, TILT_STEP_DEG, TWIST_STEP_DEG = 0.2, 1.0, 2.0  # friction is followed step by step
 PAIR_RADIUS_MM = (2.0, 3.0)
 EDGE_WIDTH_MM, SHAFT_MM, ROUNDING_MM = 2.0, 12.0, 0.5
-WALL_POWER = 1.3  # sites lie denser towards the walls, whose distance changes forces there
 # Of the deepest depth: the least is a contact of some nodes, and steps are small where the contact grows fast.
 SITE_DEPTHS = (0.02, 0.05, 0.1, 0.175, 0.275, 0.4, 0.55, 0.7, 0.85, 1.0)
 
@@ -124,7 +123,8 @@ def site_places(study: Study) -> np.ndarray:
     synthesis, sensor = given(study.synthesis, "synthesis"), study.sensor
     if not (synthesis.classes.straight or synthesis.classes.light):
         return np.empty((0, 2))
-    shares = np.linspace(0, 1, synthesis.sites) ** WALL_POWER
+    # sites lie denser towards the walls, whose distance changes forces there
+    shares = np.linspace(0, 1, synthesis.sites) ** 1.3
     half = [
         synthesis.margin_mm + (w / 2 - synthesis.margin_mm) * shares
         for w in (sensor.width_x_mm, sensor.width_y_mm)

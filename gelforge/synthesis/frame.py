@@ -12,6 +12,7 @@ from scipy.ndimage import map_coordinates
 
 from gelforge.config import Sensor, VirtualParticles
 from gelforge.indentation.cells.cell_file import Cell
+from gelforge.indentation.paths.places import ROUNDING_MM
 from gelforge.indentation.sensor.symmetry import D4
 from gelforge.virtual_lab.particles import VirtualLabError, dots_box, gel_boxes, interpolation
 
@@ -20,11 +21,8 @@ CORE_HEIGHTS = 0.5  # half width, over the sensor's height, of the part that mov
 # A quarter of a millimetre in the article's sensor: a fifth of the depth at which its particles begin.
 CORE_INTERVALS = 24
 OUTER_INTERVALS = 11  # to each wall, finer towards the indenter
-OUTER_POWER = 1.5
-HEIGHTS = 13
 # Dots lie on one plane, near the contact's edge, where displacement changes within a fraction of a millimetre.
 DOT_FINER = 3  # as many intervals as for particles in a volume
-INSIDE_MM = 1e-6  # a point on the gel's border is moved inwards, so that it lies in an element
 
 
 class MovingFrame:
@@ -54,7 +52,7 @@ class MovingFrame:
             return
         boxes = gel_boxes(sensor)
         for (_, below), (above, _) in zip(boxes, boxes[1:]):
-            if abs(below[2] - above[2]) > INSIDE_MM:
+            if abs(below[2] - above[2]) > ROUNDING_MM:
                 raise VirtualLabError(
                     f"layers with particles end at {below[2]:g} mm and begin at {above[2]:g} mm; synthesis interpolates in "
                     "one box: give the layer between them particles, or leave synthesis out"
@@ -63,11 +61,12 @@ class MovingFrame:
         self.low = np.max([low for low, _ in boxes], axis=0)
         self.high = np.min([high for _, high in boxes], axis=0)
         self.low[2], self.high[2] = boxes[0][0][2], boxes[-1][1][2]
-        self.heights = np.linspace(self.low[2], self.high[2], HEIGHTS)
+        self.heights = np.linspace(self.low[2], self.high[2], 13)
 
     def lines(self, at: float, axis: int) -> np.ndarray:
         """Return the positions (n,) [mm] of the grid's lines along an axis with the indenter at a position [mm]."""
-        outer = np.linspace(0.0, 1.0, self.outer_intervals + 1)[1:] ** OUTER_POWER
+        # intervals grow towards the walls
+        outer = np.linspace(0.0, 1.0, self.outer_intervals + 1)[1:] ** 1.5
         inner = np.linspace(0.0, 1.0, self.core_intervals // 2 + 1)
         sides = []
         for room in (at - self.low[axis], self.high[axis] - at):
@@ -86,8 +85,8 @@ class MovingFrame:
         """Return the displacement (S, nx, ny, nz, 3) [mm], float32, of a solved cell's steps on the grid about its place."""
         at = cell.attributes["x_mm"], cell.attributes["y_mm"]
         axes = [self.lines(at[0], 0), self.lines(at[1], 1), self.heights]
-        axes = [
-            np.clip(line, low + INSIDE_MM, high - INSIDE_MM)
+        axes = [  # inside the border, so that every point lies in an element
+            np.clip(line, low + ROUNDING_MM, high - ROUNDING_MM)
             for line, low, high in zip(axes, self.low, self.high)
         ]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)

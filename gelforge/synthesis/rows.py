@@ -25,7 +25,6 @@ from gelforge.synthesis.straight import StraightPresses
 from gelforge.virtual_lab.particles import VirtualLabError, interpolation
 
 SERIES_ROWS = 16  # presses of one image series; each series has particles, camera and light of its own
-LIGHT_SHARE = 0.2  # of the deepest depth: light presses, whose depths are drawn evenly over magnitudes
 
 
 def solve(one: Solution, laws: dict) -> Cell:
@@ -127,7 +126,8 @@ class Presses:
         depth = (
             rng.uniform(least, deepest)
             if kind == 0
-            else np.exp(rng.uniform(*np.log([least, LIGHT_SHARE * deepest])))
+            # light presses, up to a fifth of the deepest depth, are drawn evenly over magnitudes
+            else np.exp(rng.uniform(*np.log([least, 0.2 * deepest])))
         )
         return self.straight.at(rng.uniform(self.straight.low, self.straight.high), float(depth))
 

@@ -16,8 +16,6 @@ from gelforge.interpolation.weights import depth_weights, nearest, place_weights
 from gelforge.synthesis.drawn_press import DrawnPress, merged
 from gelforge.synthesis.frame import MovingFrame, displaced, turned_field
 
-SMALL = 1e-4  # weight of a site below which it is left out
-
 
 class StraightPresses:
     """Displacement and forces between solved sites and depths, in coordinates that move with the indenter.
@@ -125,7 +123,7 @@ class StraightPresses:
         usable = [k for k, (number, _, _) in enumerate(self._images) if number != without]
         chosen = np.array(usable)[nearest(self._places[usable], at)]
         weights = place_weights(self._places[chosen], at)
-        pairs = [(int(k), float(w)) for k, w in zip(chosen, weights) if abs(w) > SMALL]
+        pairs = [(int(k), float(w)) for k, w in zip(chosen, weights) if abs(w) > 1e-4]
         numbers, along = depth_weights(self.depths, min(depth, self.depths[-1]))
         loaded = [(n, float(w)) for n, w in zip(numbers, along) if n > 0]  # nothing moves at depth zero
         return inverse(turn), pairs, loaded

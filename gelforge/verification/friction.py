@@ -36,7 +36,7 @@ from gelforge.verification.presses import (
 
 # The problems whose errors docs/verification.md compares with their limits:
 FRICTION = 0.3  # any would do: the references hold for each
-DEPTH = 0.01  # mm: a contact radius of 1 mm
+DEPTH = 0.01  # mm: a contact radius of sqrt(100 mm x 0.01 mm) = 1 mm (Hertz 1882)
 FAR = 2.0  # mm: friction is compared with the normal force that results
 
 
@@ -82,7 +82,9 @@ def partial_slip() -> list[Check]:
     ]
 
 
-SPENCE_BULK_TO_SHEAR = 13 / 6  # Poisson's ratio 0.3: a gel that keeps its volume has no shear under a ball
+# Spence's (1975) ball at Poisson's ratio 0.3: 2 (1 + nu) / (3 (1 - 2 nu)). A gel that keeps its volume has no shear under a
+# ball.
+SPENCE_BULK_TO_SHEAR = 13 / 6
 
 
 def pressed_stick_zone() -> list[Check]:

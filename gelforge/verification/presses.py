@@ -27,9 +27,8 @@ from gelforge.verification.elements import GEL, distorted
 NEO_HOOKE = Ogden((0.02,), (2.0,))  # MPa
 BULK_TO_SHEAR = 1000.0  # Poisson's ratio 0.4995
 NU = poissons_ratio(BULK_TO_SHEAR)
-RADIUS = (
-    100.0  # mm: at a contact radius of 1 mm the strains are some 0.01, and a ball is a paraboloid to 1e-4
-)
+# mm: at a contact radius of 1 mm the strains are some 0.01, a / R (Hertz 1882), and a ball is a paraboloid to 1e-4
+RADIUS = 100.0
 
 # The problems whose errors docs/verification.md compares with their limits:
 PER_RADIUS = 8  # elements over the contact radius

@@ -16,7 +16,6 @@ FADE = 0.35  # share of brightness lost from the nearest to the farthest particl
 GREY_OF_RGB = np.array(
     [0.299, 0.587, 0.114]
 )  # the reader's: OpenCV's grey of red, green and blue (ITU-R BT.601)
-SLABS = 8  # of equal height in which particles are blurred equally where the optics have a plane in focus
 
 
 def picture(
@@ -154,8 +153,9 @@ def _out_of_focus(
     by its blurred cover, so that it does not darken its surroundings.
     """
     focus = imaging.focus_z_mm if imaging.focus_z_mm is not None else float(z.mean())
-    slab = np.minimum(((z - z.min()) / max(np.ptp(z), 1e-9) * SLABS).astype(int), SLABS - 1)
-    for number in range(SLABS - 1, -1, -1):  # the highest is the farthest
+    slabs = 8  # of equal height, in which particles are blurred equally
+    slab = np.minimum(((z - z.min()) / max(np.ptp(z), 1e-9) * slabs).astype(int), slabs - 1)
+    for number in range(slabs - 1, -1, -1):  # the highest is the farthest
         some = slab == number
         if not some.any():
             continue

@@ -25,7 +25,6 @@ GAUGE_MM = {
     "equibiaxial": (30.0, 30.0),
 }  # length, width
 THICKNESS_MM, STRAIN_RATE_PER_S = 0.5, 0.003
-LARGEST_STRAIN = {"ecoflex_gel": 2.0, "elastosil_25_1": 1.0}  # nominal, at the end of a test
 THICKNESS_SCATTER = 0.04  # of cast sheets; the thickness of each sample is measured, so it costs no accuracy
 ROWS = 80  # of a test: a strain of 0.025 or less from one to the next
 TRACKING_NOISE = 0.002  # of the lateral stretch
@@ -45,7 +44,8 @@ def make_material_tests(lab: VirtualLab, folder: str | Path) -> None:
     """
     for material, parameters in lab.materials.items():
         law = parameters.constitutive_model()
-        largest = 1 + LARGEST_STRAIN.get(material, 1.0)
+        # nominal strain at the end of a test
+        largest = 1 + {"ecoflex_gel": 2.0, "elastosil_25_1": 1.0}.get(material, 1.0)
         samples = []
         for test in LOAD_CASES:
             for number in range(1, lab.material_tests.samples + 1):

@@ -45,10 +45,6 @@ IMPORTS = {
 NOBODY = "-"  # no address
 USAGE = struct.Struct("dd")  # CPU seconds and memory [MB], as a fork tells its job
 
-# Budgets of the server, on which no result depends:
-GRACE_S = 4.0  # that a job has to end after Ctrl-C; compiled code may not look up for longer
-COLLECT_S = 1.0  # how often forks that have ended are collected
-OPEN = 128  # jobs that may wait while the server loads
 THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
 
 
@@ -87,7 +83,8 @@ def ask(address: str, arguments: list[str]) -> int:
             os._exit(128 + number)
         send(number)
         if number == signal.SIGINT:
-            signal.setitimer(signal.ITIMER_REAL, GRACE_S)
+            # after Ctrl-C a job has 4 s to end: compiled code may not look up earlier
+            signal.setitimer(signal.ITIMER_REAL, 4.0)
 
     def send(number):
         try:
@@ -159,12 +156,12 @@ def serve(address: str) -> None:
     open_without_locks()
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     listening.bind(address)
-    listening.listen(OPEN)
+    listening.listen(128)  # jobs that may wait while the server loads
     waiting = selectors.DefaultSelector()
     waiting.register(listening, selectors.EVENT_READ)
     waiting.register(sys.stdin, selectors.EVENT_READ)
     code = ""
-    while sys.stdin not in (asking := [key.fileobj for key, _ in waiting.select(COLLECT_S)]):
+    while sys.stdin not in (asking := [key.fileobj for key, _ in waiting.select(1.0)]):
         collect()
         if not asking:
             continue

@@ -57,14 +57,9 @@ OF_EACH_ROUND = (
     "DAG of jobs will be",
 )
 
-# How progress is drawn, on which no result depends:
-WIDTH = 24  # of the bar
-REWRITTEN_S = 0.2  # on a terminal
-SAID_S = 60.0  # in a log
 TRUSTED_S = (
     30.0  # of expected time weigh as much as measured time: the first jobs load libraries and tell little
 )
-ALMOST = 0.95  # share of a running job that counts as done at most
 
 
 def stage_of(rule: str) -> str:
@@ -143,9 +138,9 @@ class StageLines(logging.Handler):
     def text(self) -> str:
         """Return the bar, how many jobs have ended, what runs, and about how long the rest will take."""
         done = self._weight - self._weigh(self._left) + self._in_progress()
-        bar = "#" * int(WIDTH * done / self._weight)
+        bar = "#" * int(24 * done / self._weight)
         stages = dict.fromkeys(stage_of(self._rules[job]) for job in sorted(self._running))
-        words = [f"[{bar:.<{WIDTH}}] {len(self._rules) - len(self._left)} of {len(self._rules)} jobs"]
+        words = [f"[{bar:.<24}] {len(self._rules) - len(self._left)} of {len(self._rules)} jobs"]
         words += [f"{stage} {self._ended[stage]} of {self._all[stage]}" for stage in stages]
         expected, elapsed = done / self._cores, self._clock() - self._start
         pace = (elapsed + TRUSTED_S) / (expected + TRUSTED_S)
@@ -156,7 +151,7 @@ class StageLines(logging.Handler):
         """Return the core seconds that running jobs have done; an overdue job counts as nearly done."""
         now = self._clock()
         return sum(
-            min((now - start) * threads, ALMOST * self._costs.get(self._rules[job], 1.0))
+            min((now - start) * threads, 0.95 * self._costs.get(self._rules[job], 1.0))
             for job, (start, threads) in self._running.items()
         )
 
@@ -165,7 +160,7 @@ class StageLines(logging.Handler):
 
     def _show(self) -> None:
         now = self._clock()
-        if now - self._said < (REWRITTEN_S if self._terminal else SAID_S):
+        if now - self._said < (0.2 if self._terminal else 60.0):  # s
             return
         self._said = now
         self._print(f"\r\033[2K{self.text()}" if self._terminal else f"{self.text()}\n")

@@ -9,7 +9,7 @@ import pytest
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.force_frame import READ
 from gelforge.mismatch.free_forms import modules_of
-from gelforge.mismatch.summary.words import MOST_WORDS, sentence_of
+from gelforge.mismatch.summary.words import sentence_of
 
 PROBLEM = SimpleNamespace(effects=CATALOGUE)
 PLACED = {"void", "inclusion", "delamination", "wall_gap"}
@@ -49,7 +49,7 @@ def headline(state, answer=None, model=None, out_of_range=False):
 
 
 def short(sentence: str) -> bool:
-    return len(sentence.split()) <= MOST_WORDS == 25 and sentence.endswith(".")
+    return len(sentence.split()) <= 25 and sentence.endswith(".")
 
 
 @pytest.mark.parametrize("name", sorted(CATALOGUE))

@@ -14,8 +14,6 @@ from gelforge.cli.tables import print_table
 from gelforge.config import load_camera
 from gelforge.progress import tracked
 
-WARM_UP = 10  # frames whose times are not counted
-
 
 def predict(
     source: str,
@@ -35,7 +33,7 @@ def predict(
     from gelforge.recording.imaging.frames import frames as frames_of
 
     zero = read_grey(reference) if reference else None
-    timing = Timing(WARM_UP)
+    timing = Timing(10)  # the first frames are not timed
     seen_by = load_camera(camera) if camera else None
     predictor = Predictor(model)
     predictions = predict_frames(predictor, frames_of(source), zero, crop, seen_by, plane_z_mm)

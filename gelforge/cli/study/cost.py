@@ -51,11 +51,11 @@ WITHOUT_BARS = 0.8  # of a cell with error bars
 # fits (benchmarks/mismatch_cost.py). Images took 6 more in the benchmark study's verdict. It begins with reading, its
 # libraries and its page.
 VERDICT_CELLS, VERDICT_IMAGE_CELLS, VERDICT_START = 1.5, 6, 20.0
-# CPU seconds on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn, start
-# included.
+# CPU seconds, measured on the test study: 4.0 and 2.7 for 45 and 36 images of 0.16 megapixels, 3.9 for 45 that are drawn,
+# start included.
 FEATURES_S_PER_MPX, DRAWING_S_PER_MPX = 0.5, 0.5
-# CPU seconds a row of a batch on one thread: 1.1e-3 of the U-Net with 40 regions and 20 bins a side (the demo), 0.7e-3 of
-# the article's network.
+# CPU seconds a row of a batch on one thread, measured: 1.1e-3 of the U-Net with 40 regions and 20 bins a side (the demo),
+# 0.7e-3 of the article's network.
 TRAINING_S_PER_ROW = 1.1e-3
 EVALUATION_S_PER_MB = 2.0  # of the shards: baselines are fitted and asked too
 

@@ -19,10 +19,6 @@ class RunAlive(ValueError):
     """A run works in this folder."""
 
 
-GONE_S = 60  # Slurm ends a job within its KillWait, 30 s where nobody changed it
-GRACE_S = 10  # a job ended by SIGTERM is gone within its current output write (no result depends on it)
-
-
 def unlock() -> None:
     """Release the lock of this folder; raise RunAlive where a run works in it."""
     here = Path.cwd()
@@ -77,16 +73,17 @@ def cancel(folder: Path) -> None:
     if not jobs:
         return
     subprocess.run(["scancel", *jobs])
-    deadline = time.monotonic() + GONE_S
+    # Slurm ends a job within its KillWait, 30 s where nobody changed it
+    deadline = time.monotonic() + 60
     while slurm_jobs(folder) and time.monotonic() < deadline:
         time.sleep(1)
     print(f"cancelled {len(jobs)} Slurm job(s) of the killed run", file=sys.stderr)
 
 
-def end(jobs: list[psutil.Process]) -> None:
+def end(jobs: list[psutil.Process], grace_s: float = 10) -> None:
     for job in jobs:
         job.terminate()
-    _, stubborn = psutil.wait_procs(jobs, timeout=GRACE_S)
+    _, stubborn = psutil.wait_procs(jobs, timeout=grace_s)
     for job in stubborn:
         job.kill()
-    psutil.wait_procs(stubborn, timeout=GRACE_S)
+    psutil.wait_procs(stubborn, timeout=grace_s)

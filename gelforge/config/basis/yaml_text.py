@@ -7,8 +7,11 @@ from typing import Any, ClassVar
 
 import yaml
 
-MOST_CHARACTERS = 2_000_000  # of a YAML file: the longest here has 5000
-MOST_NODES = 20_000  # values of a YAML file, those that aliases repeat included: the largest here has 300
+# Of a YAML file: the longest here has 5000; a file of another kind is refused (tests/test_yaml_files.py).
+MOST_CHARACTERS = 2_000_000
+# Values of a YAML file, those that aliases repeat included: the largest here has 300. A bomb of aliases (CVE-2003-1564) is
+# refused (tests/test_yaml_files.py).
+MOST_NODES = 20_000
 
 
 class NoYaml(ValueError):

@@ -20,8 +20,6 @@ from gelforge.config.sessions.virtual_lab import VirtualLab
 from gelforge.config.studies.study import Study
 from gelforge.input_files import NotAFile, another_kind, read_bytes
 
-LONGEST_REMEDY = 600  # characters: some seven lines of a terminal (no result depends on it)
-MOST_ERRORS = 5  # that a file is said to have (no result depends on it)
 FORMER_KEYS = {  # of earlier files, and what to write in their place
     "touchdown_mm": "contact_point_scatter_mm",
     "scatter_mm": "session_scatter_mm or, where every indentation finds its contact point, press_scatter_mm",
@@ -60,10 +58,10 @@ def _validated(model: type[Section], content: dict[str, Any], source: str, new: 
             remedy = (
                 _unknown_key(model, item["loc"]) if unknown else item["msg"].removeprefix("Value error, ")
             )
-            lines.append(f"{source}: {short(key)}{said}: {short(remedy, LONGEST_REMEDY)}")
-        more = len(lines) - MOST_ERRORS
+            lines.append(f"{source}: {short(key)}{said}: {short(remedy, 600)}")
+        more = len(lines) - 5
         if more > 0:  # a file of another kind has nothing but errors
-            lines = [*lines[:MOST_ERRORS], f"{source}: and {more} errors more; is it a file of this kind?"]
+            lines = [*lines[:5], f"{source}: and {more} errors more; is it a file of this kind?"]
         raise ConfigError("\n".join(lines)) from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deeply; remove sections inside sections") from None

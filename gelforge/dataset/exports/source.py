@@ -20,9 +20,7 @@ from gelforge.indentation.sensor.unrolled import bin_points
 from gelforge.progress import tracked
 
 SPLITS = ("train", "validation", "test")
-BLOCK_ROWS = 64  # rows in memory at a time (no result depends on it)
 IMAGE, IMAGE_NAME = "image", "image_file"  # an image's content, and the name of its file (`image` in shards)
-SAMPLE_SHARE = 0.9  # of the bytes of a sample, for what stands next to the rows
 BYTES = {kind: np.dtype(kind).itemsize for kind in ("f4", "f8", "i4", "bool")} | {"text": 24}
 
 
@@ -98,11 +96,11 @@ class Source:
         return block
 
     def blocks(self, presses: Sequence[Press], names: Sequence[str] | None = None) -> Iterator[dict]:
-        """Yield the columns of indentations in blocks of whole indentations, about BLOCK_ROWS rows each."""
+        """Yield the columns of indentations in blocks of whole indentations, about 64 rows each."""
         start, count = 0, 0
         for end, press in enumerate(tracked(presses, "indentations exported"), 1):
             count += len(press.rows)
-            if count >= BLOCK_ROWS or end == len(presses):
+            if count >= 64 or end == len(presses):
                 yield self.read(presses[start:end], names)
                 start, count = end, 0
 
@@ -114,7 +112,8 @@ class Source:
         row = sum(
             int(np.prod(v.shape)) * BYTES.get(v.kind, 1) for v in self.variables.values()
         )  # an image counts as its pixels
-        left = SAMPLE_SHARE * limit_mb * 1e6 / row
+        # a tenth of the bytes is for what stands next to the rows
+        left = 0.9 * limit_mb * 1e6 / row
         share = left / sum(self.counts.values())
         rng = np.random.default_rng(self.manifest["split"]["seed"])
         chosen: list[Press] = []

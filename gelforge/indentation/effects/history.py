@@ -17,9 +17,6 @@ from gelforge.mechanics.bodies.peak_grid import PeakGrid
 from gelforge.mechanics.meshes.elements import ELEMENTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
-# Of a wait's steps: relaxation slows down, and 10 steps then span a factor of 1000 in time.
-DWELL_GROWTH = 2.0
-
 
 @dataclass(frozen=True)
 class TimedPath:
@@ -84,7 +81,8 @@ def in_time(trajectory: Trajectory, timing: PressTiming) -> TimedPath:
         times += [d / timing.speed_mm_per_s for d in down]
         phases += ["load"] * steps
         if timing.dwell_s:
-            ends = np.cumsum(DWELL_GROWTH ** np.arange(timing.dwell_steps))
+            # relaxation slows down: ten steps span a factor of 2^10 in time
+            ends = np.cumsum(2.0 ** np.arange(timing.dwell_steps))
             depths += [depth] * timing.dwell_steps
             times += [float(t) for t in depth / timing.speed_mm_per_s + timing.dwell_s * ends / ends[-1]]
             phases += ["dwell"] * timing.dwell_steps

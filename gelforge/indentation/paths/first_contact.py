@@ -12,8 +12,6 @@ from gelforge.mechanics.meshes.mesh import Mesh
 FINE = 24  # parts along a face's side: a face of 0.6 mm is then sampled every 0.025 mm, a ball's contact known to 2e-5 mm
 # The gap at which the indenter touches: a millionth of a micrometre, far below 1e-6 mm of the files.
 NEAR_MM = 1e-9
-STEPS = 500
-NEWTON_STEPS = 8  # from the flat quarter of the face: a curved face differs little
 TRIANGLE6_NODES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])
 SIDES = np.array([[0, 1], [1, 2], [2, 0]])  # of whose ends the nodes 3 to 5 are the middles
 
@@ -40,7 +38,7 @@ def surface_point(mesh: Mesh, x: float, y: float) -> tuple[np.ndarray, np.ndarra
     face, part = divmod(best, len(parts))
     L = weight[best] @ TRIANGLE6_NODES[parts[part]]
     nodes = mesh.X[faces[face]]
-    for _ in range(NEWTON_STEPS):
+    for _ in range(8):  # from the flat quarter of the face: a curved face differs little
         N, dN = _triangle6(L)
         tangents = np.stack([dN[1] - dN[0], dN[2] - dN[0]]) @ nodes  # (2, 3)
         L = L + np.array([[-1, -1], [1, 0], [0, 1]]) @ np.linalg.solve(
@@ -100,7 +98,7 @@ def _sampled(nodes: np.ndarray) -> np.ndarray:
 
 
 def _advanced(indenter: Indenter, points: np.ndarray, centre: np.ndarray, along: np.ndarray) -> np.ndarray:
-    for _ in range(STEPS):
+    for _ in range(500):
         gap = indenter.gap(points, centre)[0].min()
         if gap < NEAR_MM:
             return centre

@@ -10,10 +10,8 @@ from scipy.spatial import cKDTree
 
 POSITION_MATCH_MM = 0.01  # the least tolerance of a position; PlannedCell.within_mm is that of a site
 DEPTH_MATCH_MM = 0.01  # recorded depths join a planned one within this
-# Positions and depths are written with 6 decimals: a gap of exactly the tolerance is within it.
-ROUNDING_MM = (
-    1e-6  # positions and depths are written with six decimals: a gap of exactly the tolerance is within it
-)
+DIGITS = 6  # decimals of positions and depths [mm] in files: finer than any encoder's step
+ROUNDING_MM = 10.0**-DIGITS  # a gap of exactly the tolerance is within it
 
 
 def within(gap_mm, tolerance_mm=POSITION_MATCH_MM):

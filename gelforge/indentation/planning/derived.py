@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gelforge.indentation.paths.planned_cell import PlannedCell
 
-AT_ONCE = 256  # interpolated sites of one job, which reads every solved site (no result depends on it)
-
 
 def derived_chunks(cells: Mapping[str, PlannedCell], per_shard: int) -> dict[int, list[str]]:
     """Return the derived sites that each job makes.
@@ -29,7 +27,8 @@ def derived_chunks(cells: Mapping[str, PlannedCell], per_shard: int) -> dict[int
     dict of int to list of str
         Names by the number of the job.
     """
-    shards = -(-AT_ONCE // per_shard) if any(cell.between for cell in cells.values()) else 1
+    # one job reads every solved site: it makes 256 interpolated sites
+    shards = -(-256 // per_shard) if any(cell.between for cell in cells.values()) else 1
     size, names = shards * per_shard, list(cells)
     chunks = [names[first : first + size] for first in range(0, len(names), size)]
     derived = [[name for name in chunk if not cells[name].solved] for chunk in chunks]

@@ -13,7 +13,9 @@ from gelforge.indentation.sensor.sizes import UNITS
 
 # Of a grid: that of Sferrazza et al. 2019 has 1681; a spacing in metres has a million times as many.
 MOST_CELLS = 200_000
-MOST_ELEMENTS = 5e6  # 100 times those of the article's mesh; their factors alone would need a terabyte
+# 100 times those of the article's mesh; their factors alone would need a terabyte (memory by unknowns:
+# benchmarks/cell_cost.py)
+MOST_ELEMENTS = 5e6
 MOST_STEPS = 1e4  # of one indentation; 100 resolve any history
 
 

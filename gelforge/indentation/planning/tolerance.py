@@ -8,8 +8,8 @@ from pathlib import Path
 from gelforge.config import ConfigError, Study, load_session
 from gelforge.indentation.paths.places import POSITION_MATCH_MM, within
 
-# Of the stage's standard deviation along each axis. Of normal deviations one in 270 000 lies beyond the first, one in 90
-# beyond the second.
+# Of the stage's standard deviation along each axis. Of normal deviations exp(-5^2 / 2), one in 270 000, lie beyond the
+# first, exp(-3^2 / 2), one in 90, beyond the second (Rayleigh 1880).
 REPEATABILITIES, LEAST_REPEATABILITIES = 5.0, 3.0
 
 

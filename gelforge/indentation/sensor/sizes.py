@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
+from gelforge import units
 from gelforge.config import ConfigError, Indenter, IndenterPart, Sensor, Study
 from gelforge.indentation.sensor.indenter_shapes import part_corners
 from gelforge.mechanics.indenters.closed_surface import SurfaceError
 from gelforge.mechanics.indenters.shapes import rotation_about_axes
 
 # Length in mm of the units in which drawings are saved.
-UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
+UNITS = {
+    name: units.UNITS[unit][1]
+    for name, unit in {"metres": "m", "inches": "in", "centimetres": "cm", "micrometres": "um"}.items()
+}
 
 # Drawings in other units and origins next to the body are asked about (tests/indentation/test_sizes.py):
 SAME_RATIO = 0.05  # ratios of stated to found sizes this near a unit's are that unit's
-# Wider side of a sensor [mm]: from a small fingertip to a forearm's skin. 32 mm taken for inches are 1.3 or 810 mm.
+# Wider side of a sensor [mm]: from a small fingertip to a forearm's skin. 4 and 320 mm pass, 32 mm taken for inches are 1.3
+# or 810 mm and are asked about (tests/indentation/test_sizes.py).
 SENSOR_MM = (3.0, 400.0)
-FLATNESS = (1 / 200, 5.0)  # height of the soft layers over the wider side: from a thin pad to a tall finger
-# Wider horizontal side of a part of an indenter over that of the sensor: on one of 32 mm from a pin of 0.8 mm to a plate.
+# Height of the soft layers over the wider side, from a thin pad to a tall finger: 0.015 and 2.5 pass, a height in metres is
+# asked about (tests/indentation/test_sizes.py).
+FLATNESS = (1 / 200, 5.0)
+# Wider horizontal side of a part of an indenter over that of the sensor: on one of 32 mm from a pin of 0.8 mm to a plate;
+# bodies of 0.01 and 10 000 mm are asked about (tests/indentation/test_sizes.py).
 INDENTER_SHARE = (1 / 40, 3.0)
 OUTSIDE_MM = 0.01  # a surface may reach this far beyond the sensor's stated rectangle and height
 

@@ -14,8 +14,6 @@ import numpy as np
 from gelforge.config import Sensor
 
 DIRECTIONS = 2049  # of the table over which a dome's area is summed: 1e-6 of the rectangle, by its curvature
-# Of pi / 2, until the angle of a point is known to 1e-13: pi / 2^46 is 4.5e-14.
-HALVINGS = 45
 
 
 def unrolled(sensor: Sensor, points: np.ndarray) -> np.ndarray:
@@ -86,7 +84,8 @@ def rolled(sensor: Sensor, places: np.ndarray) -> np.ndarray:
     theta = np.interp(turn, share, turned)
     k = _steepness(theta, (a, b, c))
     wanted, low, high = r**2 * _area_of_ray(0.0, k), np.zeros_like(r), np.full_like(r, np.pi / 2)
-    for _ in range(HALVINGS):
+    # until the angle is known to pi / 2^46 = 4.5e-14
+    for _ in range(45):
         middle = (low + high) / 2
         beyond = _area_of_ray(np.cos(middle), k) > wanted
         low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)

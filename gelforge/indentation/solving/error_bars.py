@@ -30,20 +30,28 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 # Parts found and checked by `python benchmarks/error_bars.py`:
 COARSER = 2.0  # the coarse-mesh solution's sizes over the site's
-SMOOTHING = 0.6  # standard deviation of the weights of the mean square, of bins along x and y
+# standard deviation of the weights of the mean square, of bins along x and y (benchmarks/error_bars.py)
+SMOOTHING = 0.6
 PART_BINS = np.array([0.30, 0.30, 0.34])  # x, y, z: of the root mean square difference of bins
-SHARE_BINS = 0.007  # of the force of the bin itself
-LEAST_BINS = 5e-4  # of the largest bin
+SHARE_BINS = 0.007  # of the force of the bin itself (benchmarks/error_bars.py)
+# of the largest bin: bins that carry next to nothing have an error too (benchmarks/error_bars.py)
+LEAST_BINS = 5e-4
 PART_TOTALS = np.array([0.12, 0.12, 0.05])  # x, y, z: of the difference of totals
-SHARE_LAYERS = 0.15  # of a total, over the square of the number of elements through the sensor
+# Of a total, over the square of the number of elements through the sensor: of largest likelihood on seven places of
+# calibration (docs/accuracy.md).
+SHARE_LAYERS = 0.15
 # By `python benchmarks/stiff_layers.py`. Powers of 4 and 6 are as likely or less so; 5 errs least where elements are few.
 SHARE_STIFF = 140.0  # of a total, over the fifth power of that number, times Resolution.contrast
-SHARE_WALLS = np.array(
-    [0.04, 0.04, 0.06]
-)  # x, y, z: of the vertical total, times contrast and Resolution.walls
-SHARE_TOUCH = 0.15  # of a total, over the number of nodes in contact
-PART_OF_BINS = 0.2  # of the bins' bars as if independent, on the total: what the near size errs by does not cancel in them
-CROSS_TOTALS = 0.02  # of the vertical difference, on horizontal totals: near a wall they lean on it
+# x, y, z: of the vertical total, times contrast and Resolution.walls (benchmarks/stiff_layers.py)
+SHARE_WALLS = np.array([0.04, 0.04, 0.06])
+SHARE_TOUCH = (
+    0.15  # of a total, over the number of nodes in contact: the error of first touch (docs/accuracy.md)
+)
+# of the bins' bars as if independent, on the total: what the near size errs by does not cancel in them
+# (benchmarks/error_bars.py)
+PART_OF_BINS = 0.2
+# of the vertical difference, on horizontal totals: near a wall they lean on it (benchmarks/error_bars.py)
+CROSS_TOTALS = 0.02
 AMOUNT = 0.05  # of a standard deviation, by which a law is moved: its effect is then still a straight line
 
 

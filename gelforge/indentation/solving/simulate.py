@@ -34,9 +34,6 @@ from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 from gelforge.mechanics.solving.yielding import follow_yielding
 from gelforge.progress import tracked
 
-AWAY_MM = 1.0  # the indenter's distance while a residual stretch finds its balance
-TOUCH_STEPS = 20  # of the search for where it touches then
-
 
 def simulate_cell(
     study: Study,
@@ -248,13 +245,13 @@ def _balanced(model: Model, press: Press, start: State) -> tuple[Model, State, s
 
     The indenter's path begins where it touches the surface as that then is.
     """
-    away = start.centre + [0.0, 0.0, AWAY_MM]
+    away = start.centre + [0.0, 0.0, 1.0]  # mm: off the gel while a residual stretch finds its balance
     try:
         relaxed = press.step(None, replace(start, centre=away), away)
     except NotConverged as failure:
         return model, start, f"the residual stretch finds no balance: {failure}"
     centre = start.centre
-    for _ in range(TOUCH_STEPS):  # the touch moves with the surface, by what the smallest gap has changed
+    for _ in range(20):  # the touch moves with the surface, by what the smallest gap has changed
         gap = press.contact.gap(relaxed.u, centre)[0]
         centre = centre + (gap.min() - start.gap.min()) * DOWN
     moved = centre - start.centre

@@ -16,6 +16,7 @@ from gelforge.learning.basis.turns import flow_centre, image_on_sensor
 
 FEATURE, LABEL = "feature", "force_distribution_N"
 BLOCK_ROWS = 64  # consecutive rows that are read together; about one site
+BLOCK = 256  # rows in memory while a network predicts; no result depends on it
 BUFFER_ROWS = 16384  # rows in memory while training: 290 MB of the paper's features and labels
 
 

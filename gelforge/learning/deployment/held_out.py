@@ -22,10 +22,9 @@ from gelforge.recording.imaging.frames import Frame
 from gelforge.recording.imaging.images import image_path, reference_path
 
 IMAGES = 40  # compared
-# Of the largest force, and of the check of totals (1 where that is less). On one machine 1e-6; the flow of another
-# processor's instructions may differ by 1e-4. Another reference, crop or remap gives 1e-1.
+# Of the largest force, and of the check of totals (1 where that is less). Measured: 1e-6 on one machine; the flow of
+# another processor's instructions may differ by 1e-4. Another reference, crop or remap gives 1e-1.
 LIMIT = 1e-3
-LEAST_N = 1e-9  # where nothing touches: keeps 0 / 0 out
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,9 @@ def check_held_out(
     reference = read_grey(reference_path(folder))
     shown = list(predict_frames(predictor, frames, reference, session.crop_px, camera))
     off_N = force_differences(predictor.model, shown, known.force_N)
-    largest_N = float(max(np.abs(known.force_N).max(), np.abs(known.label_N).max(), LEAST_N))
+    largest_N = float(
+        max(np.abs(known.force_N).max(), np.abs(known.label_N).max(), 1e-9)
+    )  # where nothing touches
     outputs = [Difference("forces", float(off_N.max() / largest_N), LIMIT, "the largest force")]
     if predictor.model.check:
         share = float(disagreement_differences(predictor.model, shown, known.disagreement).max())

@@ -34,7 +34,7 @@ from gelforge.learning.elasticity.inverse import Inverse
 from gelforge.learning.elasticity.unrolled import Unrolled
 from gelforge.learning.models.model_file import LARGEST_OUTPUT, Model, load_model
 
-OPSET = 20  # ONNX 1.15, ONNX Runtime 1.17 and newer
+OPSET = 20  # of ONNX 1.15 (2023), which ONNX Runtime 1.17 and newer read
 UNITS = {
     "features": "magnitudes [px], then directions [rad], regions row by row from the image's top left",
     "force_N": "on the sensor [N], bins k = nx iy + ix, axes x, y, z (z up: an indentation is negative)",

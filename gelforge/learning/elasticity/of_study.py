@@ -8,8 +8,6 @@ from gelforge.learning.elasticity.operator import flow_operator
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.virtual_lab.particles import VirtualLabError
 
-PARTICLE_MM = 0.3  # where no particles are described; only how deep the camera sees depends on it
-
 
 class NoOperator(ValueError):
     """Why a study has no inverse elasticity, and what would give it one."""
@@ -45,7 +43,8 @@ def inverse_of(study: Study, laws: dict[str, PrincipalLaw], views: dict[str, dic
         raise NoOperator(
             f"materials {', '.join(missing)} have no constitutive model; run the study's material fits"
         )
-    particle = study.synthesis.particles.diameter_mm if study.synthesis else PARTICLE_MM
+    # mm; only how deep the camera sees depends on it
+    particle = study.synthesis.particles.diameter_mm if study.synthesis else 0.3
     dots = study.synthesis.particles.dots if study.synthesis else None
     if not dots and not any(layer.particle_volume_fraction for layer in study.sensor.layers):
         raise NoOperator("no layer has particle_volume_fraction, and synthesis.particles has no dots")

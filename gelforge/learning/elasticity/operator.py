@@ -13,6 +13,7 @@ from gelforge.config import Camera, Mechanics, Mesh, PrintedDots, Sensor
 from gelforge.indentation.cells.binning import surface_shares
 from gelforge.indentation.effects.fields import element_stiffness
 from gelforge.indentation.effects.material import region_bulk, region_laws
+from gelforge.indentation.paths.places import ROUNDING_MM
 from gelforge.indentation.sensor.sensor_mesh import sensor_mesh
 from gelforge.indentation.sensor.symmetry import D4
 from gelforge.learning.basis.turns import names_of, order
@@ -27,13 +28,11 @@ from gelforge.virtual_lab.particles import dots_box, gel_boxes, interpolation
 # The flow of an even shear and of a shallow indentation is that of closed form and solver
 # (tests/learning/test_elasticity.py):
 PARTS = 2  # of a region's side: the places in it that are followed
-SLAB_MM = 0.7  # thickness of gel whose particles are followed at one height
-ELEMENTS_OF_BIN = 2  # along a bin's side: three change the flow of the benchmark study's labels by 1.6 %
+# along a bin's side. Measured: three change the flow of the benchmark study's labels by 1.6 %.
+ELEMENTS_OF_BIN = 2
 MOST_ELEMENTS = 60  # along a side
 # Of central differences of the projection: they err by the square of the step over the distance, some 1e-7.
 STEP_MM = 0.01
-REFINEMENTS = 2  # of solutions by a factorisation in single precision
-INSIDE_MM = 1e-6
 
 
 def flow_operator(
@@ -122,7 +121,7 @@ def displacements(
         along, held = np.zeros((len(dense), size)), equation[:, axis] >= 0
         along[:, equation[held, axis]] = dense[:, held]
         solutions = solver.solve_many(along)
-        for _ in range(REFINEMENTS):
+        for _ in range(2):  # the factorisation is in single precision
             left = along - (symmetric @ solutions.T).T
             scale = np.abs(left).max(axis=1, keepdims=True) + 1e-300  # of unit size, as solve_many asks
             solutions = solutions + scale * solver.solve_many(left / scale)
@@ -145,7 +144,7 @@ def symmetries(mesh: HexMesh, sensor: Sensor, mechanics: Mechanics) -> dict[str,
         carried = mesh.X.copy()
         carried[:, :2] = (carried[:, :2] - width / 2) @ D4[name].T + width / 2
         away, nodes = tree.query(carried)
-        if away.max() < INSIDE_MM:
+        if away.max() < ROUNDING_MM:
             permutations[name] = nodes
     return permutations
 
@@ -178,7 +177,7 @@ def seen_flow(
     for layer, z, weight in _heights(sensor, particle_mm, dots):
         low, high_corner = layer[1]
         points = unproject(camera, pixels, z)
-        inside = ((points > low + INSIDE_MM) & (points < high_corner - INSIDE_MM)).all(axis=1)
+        inside = ((points > low + ROUNDING_MM) & (points < high_corner - ROUNDING_MM)).all(axis=1)
         points, of = points[inside], region[inside]
         if not len(points):
             continue
@@ -214,7 +213,8 @@ def _heights(
     layers = [layer for layer in sensor.layers if layer.particle_volume_fraction > 0]
     heights, covered = [], 0.0
     for layer, box in zip(layers, gel_boxes(sensor)):
-        count = max(1, round((box[1][2] - box[0][2]) / SLAB_MM))
+        # particles of 0.7 mm of gel are followed at one height
+        count = max(1, round((box[1][2] - box[0][2]) / 0.7))
         edges = np.linspace(box[0][2], box[1][2], count + 1)
         per_mm = 1.5 * layer.particle_volume_fraction / particle_mm
         for bottom, top in zip(edges, edges[1:]):

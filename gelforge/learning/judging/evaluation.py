@@ -132,8 +132,6 @@ def baselines_table(predictions: Predictions) -> pd.DataFrame:
     return pd.DataFrame(rows.values(), index=pd.Index(rows, name="predictor")).reset_index()
 
 
-DEPTH_CLASSES = 8  # where a study has more depths, they are grouped
-DISTANCE_CLASSES = 4  # of sites by their distance to the nearest training site
 WALL_SHARES = (
     (0.0, 0.2),
     (0.2, 0.35),
@@ -178,14 +176,14 @@ def _classes(predictions: Predictions) -> Iterator[tuple[str, str, np.ndarray]]:
     yield "contact", "untouched", ~touched
     if not touched.any():
         return
-    yield from _lengths("depth", depth, touched, DEPTH_CLASSES)
+    yield from _lengths("depth", depth, touched, 8)
     widths = predictions.width_mm
     share = np.minimum(predictions.position_mm, widths - predictions.position_mm).min(axis=1) / widths.min()
     for low, high in WALL_SHARES:
         end = " mm and more" if high == np.inf else f" to {high * widths.min():.3g} mm"
         yield "place", f"{low * widths.min():.3g}{end} from a wall", touched & (share >= low) & (share < high)
     away = np.round(predictions.nearest_training_mm, 2)
-    yield from _lengths("nearest training site", away, touched, DISTANCE_CLASSES)
+    yield from _lengths("nearest training site", away, touched, 4)
     for by, names in (
         ("session", predictions.session),
         ("phase", predictions.phase),

@@ -18,6 +18,7 @@ from gelforge.dataset.splits import nearest_mm
 from gelforge.files import file_sha256
 from gelforge.hdf5 import opened, writing
 from gelforge.learning.basis.data import (
+    BLOCK,
     FEATURE,
     LABEL,
     at_most,
@@ -33,7 +34,6 @@ from gelforge.learning.models.views import check_same_images, views_of
 from gelforge.progress import tracked
 
 FORMAT = "gelforge-predictions-5"
-BLOCK = 256  # rows in memory at a time (no result depends on it)
 TRAINING_ROWS = 2000  # at most, whose error stands next to that of test rows
 KEPT = (
     *("cell", "session", "press", "image_index", "position_mm", "depth_mm", "total_force_ft_N"),

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, find_objects, label, maximum_filter
 
 # Two contacts are apart where bins between them press with less than this share of the weaker one's largest bin. Flat
-# punches and edges press more at their rims than in their middle, in bins of 1.6 mm at most 2.5 times as much.
+# punches and edges press more at their rims than in their middle, in bins of 1.6 mm at most 2.5 times as much. Hills with a
+# valley of a quarter are two, the same on a plateau one (tests/learning/test_contacts.py).
 VALLEY = 0.35
 LEVELS = VALLEY * np.linspace(0.1, 1.0, 10)  # of the largest bin, at which a region may fall apart
 

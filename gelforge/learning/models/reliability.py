@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -10,12 +11,19 @@ import numpy as np
 QUIET_SHARE = 0.999  # of the untouched validation rows that are to be exactly zero
 MARGIN = 1.5  # times the largest force there: other sessions are noisier than those at hand
 LADDER = np.array([0.5, 1, 2, 4, 8, 16])  # of the bins' threshold over the images'
-LEAST_WIDTH_N = 1e-9  # no errors at all are no division by zero
-LIGHT_SHARE = 0.3  # of the largest bin: a light touch keeps the bins that carry it
-COVER = 0.9
-WIDTH = 1.645  # standard deviations of a normal error on each side of 90 %
-CLASSES = 8  # of predicted force, each with an interval of its own
+# Of the largest bin: a light touch keeps the bins that carry it, however much the others smear
+# (tests/learning/test_reliability.py).
+LIGHT_SHARE = 0.3
+COVER = 0.9  # share of errors that an interval holds: 90 %, as every interval of forces (docs/learning.md)
+WIDTH = round(
+    NormalDist().inv_cdf((1 + COVER) / 2), 3
+)  # 1.645 standard deviations of a normal error on each side
+# Of predicted force, each with an interval of its own: they hold nine in ten at every size
+# (tests/learning/test_reliability.py).
+CLASSES = 8
+# The share that an interval from 100 rows holds has a standard deviation of sqrt(0.9 x 0.1 / 100) = 3 % (Vovk 2012).
 LEAST_IN_CLASS = 100
+# Below which there is no interval: the share that one from 30 rows holds has a standard deviation of 5.5 % (Vovk 2012).
 LEAST_ROWS = 30
 
 
@@ -161,7 +169,8 @@ def _by_class(
         for name in names:
             of_group = group == name
             others = _half_widths(error[~of_group], which[~of_group], len(edges) + 1)
-            ratio[of_group] = error[of_group] / np.maximum(others[which[of_group]], LEAST_WIDTH_N)
+            # no errors at all are no division by zero
+            ratio[of_group] = error[of_group] / np.maximum(others[which[of_group]], 1e-9)
         half = half * _conformal(ratio)
     rms = [_root_mean(sigma[which == k] ** 2) for k in range(len(edges) + 1)]
     return edges, half, np.array(rms)

@@ -9,7 +9,7 @@ from gelforge.config import Learning
 from gelforge.learning.basis.network import Grids, Network
 
 KEYS = ("hidden", "dropout", "input_form")
-# Of the article's table 2: its 400 epochs of some 53,700 training rows are 400 times 135 batches.
+# Of the article's table 2 (Sferrazza et al. 2019): its 400 epochs of some 53,700 training rows are 400 times 135 batches.
 USUAL = {"learning_rate": 1e-4, "batch_size": 400, "steps": 54_000}
 SIGMOID_GAIN = 4.0  # Glorot & Bengio 2010: a sigmoid's slope at 0 is 1/4
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.dataset.shard import ShardDataset
-from gelforge.learning.basis.data import FEATURE
+from gelforge.learning.basis.data import BLOCK, FEATURE
 from gelforge.learning.basis.scaling import ModelError
 from gelforge.learning.models.model_file import Model
 from gelforge.learning.models.reliability import COVER, Intervals
@@ -17,9 +17,10 @@ from gelforge.progress import tracked
 
 # A sensor of another gain is corrected, and only as far as its presses determine it (tests/learning/test_adaptation.py):
 LEAST_PRESSES = 5
-BLOCK = 256  # rows in memory at a time (no result depends on it)
 GAIN_LIMITS = (0.2, 5.0)  # beyond them the sensor is not of the model's kind
-LEAST_GAIN = 0.95  # of the error left out that a further gain must come below
+# Of the error left out that a further gain must come below: of no gain, one and two the simplest is taken
+# (tests/learning/test_adaptation.py).
+LEAST_GAIN = 0.95
 SURE = 0.1  # standard deviation of a gain that is taken; small horizontal forces determine none
 # which axes share a gain, from none to one for the horizontal and one for the vertical force
 FORMS = {"none": (), "one gain": ((0, 1, 2),), "horizontal and vertical gain": ((0, 1), (2,))}

@@ -15,7 +15,8 @@ from gelforge.learning.networks import network_of
 WARM_UP = 0.15  # share of the steps in which the step size grows
 LAST_RATE = 1e-3  # of the largest step size, at the end
 WEIGHT_DECAY = 1e-4
-MUON_RATE = 1.5  # step size of Muon, over that of AdamW: of 8, 3 and 1.5 the smallest error on held-out simulated rows
+# Step size of Muon, over that of AdamW. Measured: of 8, 3 and 1.5 it has the smallest error on held-out simulated rows.
+MUON_RATE = 1.5
 
 
 class Optimiser:

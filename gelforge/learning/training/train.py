@@ -44,8 +44,6 @@ from gelforge.synthesis import SESSION
 USUAL_THREADS = {"paper": 2}
 CHECKPOINT_FORMAT = "gelforge-checkpoint-4"
 LIGHT = 0.1  # mean square, over that of all rows, below which a contact counts less than deeper ones
-ROWS_SET_ASIDE = 4000  # at most, for thresholds and intervals
-ROWS_OF_CHECK = 1500  # of training, and of validation: places near walls are in few orbits
 SIGMAS = ("force_sigma_N", "total_force_fem_sigma_N")
 SIMULATED_ALONE = "simulated images alone; its errors on real ones are not known"
 
@@ -294,7 +292,8 @@ def _with_reliability(
     model = replace(model, zero=zero, intervals=intervals)
     if model.inverse is None:
         return model
-    parts = [_drawn(rows, side, (FEATURE,), ROWS_OF_CHECK) for side in (training, validation)]
+    # places near walls are in few orbits: 1500 rows of each show them
+    parts = [_drawn(rows, side, (FEATURE,), 1500) for side in (training, validation)]
     feature = np.concatenate([part[FEATURE] for part in parts if part])
     total = zero.applied(_said(model, feature)).sum(axis=1)
     return replace(model, check=find_check(total, model.inverse.forces(feature).sum(axis=1)))
@@ -307,7 +306,7 @@ def _said(model: Model, feature: np.ndarray) -> np.ndarray:
 
 
 def _drawn(
-    rows: ShardDataset, index: np.ndarray, names: tuple[str, ...], most: int = ROWS_SET_ASIDE
+    rows: ShardDataset, index: np.ndarray, names: tuple[str, ...], most: int = 4000
 ) -> dict[str, np.ndarray] | None:
     """Return columns of at most so many of the rows index (n,), None where there is none."""
     draw = np.random.default_rng(0).permutation(len(index))[:most]

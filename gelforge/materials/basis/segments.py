@@ -15,13 +15,16 @@ from gelforge.robust import SIGMA_OF_MEDIAN
 # (tests/materials/test_segments.py):
 TOLERANCE = 0.01  # of the range of stretch: noise of the strain measurement, not a reversal
 HOLD_RATE = 0.1  # of the typical rate while moving; below it a piece that hardly moves is a hold,
-HOLD_LENGTH = 5  # if it lasts longer than the movement takes for this many tolerances (an encoder may stick)
+# if it lasts longer than the movement takes for this many tolerances: an encoder that sticks for 0.4 s is no hold
+# (tests/materials/test_segments.py)
+HOLD_LENGTH = 5
 # Of noise: thousands of rows, and both ends of a piece carry noise too (tests/materials/test_segments.py: stairs with noise
 # of 0.3 % of the range are found).
 SIGMAS = 6.0
 LARGEST_MARGIN = 0.03  # of the range; noisier tests need smoothing first
-LEAST_REVERSAL = 3  # tolerances; a shorter way back is a glitch of the strain measurement
-NAMES = {1: "load", -1: "unload", 0: "hold"}
+# Tolerances; a shorter way back is a glitch of the strain measurement, as a jump back by 2 % of the range
+# (tests/materials/test_segments.py).
+LEAST_REVERSAL = 3
 
 
 def first_reversal(stretch: np.ndarray, tolerance: float = TOLERANCE) -> int | None:
@@ -133,5 +136,5 @@ def _numbered(pieces: list[tuple[int, int, int]]) -> tuple[Segment, ...]:
         if direction == 1 and unloaded:
             cycle, unloaded = cycle + 1, False
         unloaded |= direction == -1
-        segments.append(Segment(NAMES[direction], a, b + 1, cycle))
+        segments.append(Segment(("hold", "load", "unload")[direction], a, b + 1, cycle))
     return tuple(segments)

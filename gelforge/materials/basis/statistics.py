@@ -35,6 +35,12 @@ def mean_of(values) -> Mean:
     return Mean(mean, (float(mean - half), float(mean + half)), deviation, len(values))
 
 
+# Below which there is no curve: one more than the 4 parameters of a model of two terms (Ogden 1972).
+ROWS_OF_CURVE = 5
+# Of a loading, to know the scatter of a row: of 8 it is known to 1 / sqrt(14) = 27 % (GUM 2008, E.4.3).
+ROWS_OF_SCATTER = 8
+
+
 def row_noise(values: np.ndarray, least: int = 5) -> float:
     """Return the standard deviation of one row about the line through its neighbours, by a robust scatter.
 

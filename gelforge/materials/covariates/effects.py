@@ -25,7 +25,6 @@ NOTABLE_TURN = (
 NEGLIGIBLE = 0.05  # relative change of stress over the tested span; samples of one sheet scatter by as much
 UNLIKELY_SCATTER = 2 * NEGLIGIBLE  # of samples made in the same way: what needs more is no chance
 CONFIDENCE = 0.95  # of every interval of a material, as percentile_interval has 95 %
-LEVELS = 40  # stretches at which curves are compared
 LOW_STRAIN_SHARE = 0.2  # of the common range: there the stress is small and its offset counts
 
 
@@ -193,7 +192,7 @@ def levels(tests: list[MaterialTest]) -> tuple[np.ndarray, tuple[float, float]]:
 
 
 def log_stresses(tests: list[MaterialTest]) -> tuple[np.ndarray, tuple[float, float]]:
-    """Return ln of the nominal stress of each test (n, LEVELS) from small to large strain, and the range of stretch."""
+    """Return ln of the nominal stress of each test (n, 40) from small to large strain, and the range of stretch."""
     kinds = {test.test for test in tests}
     if len(kinds) != 1:
         raise ValueError(f"tests of kinds {sorted(kinds)} cannot be compared; give those of one kind")
@@ -204,7 +203,7 @@ def log_stresses(tests: list[MaterialTest]) -> tuple[np.ndarray, tuple[float, fl
     low = max(low, LOW_STRAIN_SHARE * high)
     if not high > low > 0:
         raise ValueError("the tests share no range of strain; compare tests that do")
-    grid = np.linspace(low, high, LEVELS)
+    grid = np.linspace(low, high, 40)
     values = []
     for test, s, curve in zip(tests, strain, curves):
         order = np.argsort(s, kind="stable")

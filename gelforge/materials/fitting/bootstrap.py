@@ -14,8 +14,7 @@ from gelforge.materials.fitting.fit import FitError, LawFit, Problem
 from gelforge.mechanics.laws.family import Family
 from gelforge.workers import each
 
-CHUNK = 125  # refits per task; each has a seed of its own (no result depends on it)
-CHUNKS = f"bootstrap, {CHUNK} refits each"
+CHUNKS = "bootstrap, 125 refits each"  # each refit has a seed of its own
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def bootstrap(
             " or use the sandwich covariance"
         )
     seeds = np.array(np.random.SeedSequence(seed).spawn(replicates), object)
-    chunks = np.array_split(seeds, -(-replicates // CHUNK))
+    chunks = np.array_split(seeds, -(-replicates // 125))
     refit = partial(_refits, curves, fit.family, fit.theta)
     theta = each(refit, chunks, workers, CHUNKS)
     return Bootstrap(fit.family, np.concatenate(theta), sum(fit.samples.values()) - len(fit.samples))

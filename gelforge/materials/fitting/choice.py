@@ -16,7 +16,9 @@ SAME_ERROR = 1.1  # ratio of errors of prediction that are called equal
 NO_SUPPORT = (
     10.0  # difference in AICc from which on a model has no support (Burnham & Anderson 2002, sec. 2.6)
 )
-POOR_R2 = 0.98  # of the nominal stress: residuals of 14 % of the curve's spread, several times the scatter of samples
+# Of the nominal stress: residuals of 14 % of the curve's spread, several times the scatter of samples. Treloar's (1944)
+# rubber reaches 0.9967 and more, no model reaches 0.9 of a foam (docs/results/material-fits.md).
+POOR_R2 = 0.98
 
 
 @dataclass(frozen=True)

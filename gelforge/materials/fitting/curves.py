@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from gelforge.materials.basis.common_form import LOAD_CASE_OF, MaterialTest
+from gelforge.materials.basis.stresses import LEAST_STRAIN
 from gelforge.materials.covariates.effects import first_loading
 from gelforge.mechanics.laws.homogeneous import StressPoints, stress_points
 
-LEAST_RAMP = 0.02  # of stretch: less does not distinguish a law from a straight line
 # Per test: as measured on the demo, twice as many change the fitted stress by 0.01 %.
 GRID_POINTS = 120
 
@@ -141,9 +141,9 @@ def _loadings(tests: list[MaterialTest]) -> tuple[list[MaterialTest], list[str]]
             first = first_loading(t)
             if t.history == "relaxation":  # what follows the largest stress already relaxes
                 first = first.part(slice(0, int(np.nanargmax(np.abs(first.nominal_stress))) + 1))
-            if np.ptp(first.stretch) < LEAST_RAMP:
+            if np.ptp(first.stretch) < LEAST_STRAIN:
                 notes.append(
-                    f"{t.test} {t.sample}: its loading is no ramp of {LEAST_RAMP:g} of stretch; left out"
+                    f"{t.test} {t.sample}: its loading is no ramp of {LEAST_STRAIN:g} of stretch; left out"
                 )
                 continue
             kept.append(first)

@@ -28,7 +28,8 @@ LEAST_SPREAD = 0.1  # of a test's sum of squares: a short piece of a curve must 
 LOSSES = ("linear", "soft_l1")  # quadratic, or growing only linearly beyond 1.345 robust standard deviations
 # of the median absolute residual (Huber 1964: 95 % efficient for normal scatter)
 ROBUST_SCALE = 1.345 * SIGMA_OF_MEDIAN
-WORST_CONDITION = 1e7  # of the Jacobian with columns of length 1: half of the 16 digits of double precision
+# Of the Jacobian with columns of length 1: half of the 16 digits of double precision (IEEE 754-2019).
+WORST_CONDITION = 1e7
 ROWS_PER_PARAMETER = 3  # fewer rows than that cannot show a misfit
 FEW_ROWS = 12  # in a test: a curve whose shape between the rows is not seen; named in a note
 # Relative tolerances: to rank starts; so that another machine gives the same 10 digits.

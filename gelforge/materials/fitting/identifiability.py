@@ -17,13 +17,11 @@ from gelforge.mechanics.laws.models.neo_hooke import NeoHooke
 TOLERANCE = 0.01  # of the spread of stress: real samples cannot distinguish laws that are closer than that
 WIDTH_TO_WARN = 0.10  # high over low - 1 of a prediction
 REFERENCE = "ogden3"  # contains neo-Hooke and Mooney-Rivlin (alpha = 2, -2) and Ogden with fewer terms, and stiffens twice
-LEAST_FREEDOM = 3.0  # of a misfit: with fewer its scatter is not known at all
-PULL = 100.0  # weight of the prescribed stress: it is met to 1e-4
-FRESH_STARTS = 2  # in addition to the neighbouring fit
+# Of a misfit: with fewer its scatter is not known at all, with three to 1 / sqrt(6) = 41 % (GUM 2008, E.4.3).
+LEAST_FREEDOM = 3.0
 SCANNED = np.geomspace(
     1 / 30, 30, 15
 )  # prescribed stress over that of a neo-Hookean law of the same stiffness
-HALVINGS = 3  # of the last step: a factor of 1.06 in the stress
 ROUGH = 1e-5  # relative tolerance of the fits with a prescribed stress: 0.3 % of a standard deviation
 
 
@@ -96,7 +94,8 @@ def _admitted(problem: Problem, family: Family, theta: np.ndarray, point: Stress
     ends = []
     for i, way in ((inside[0], -1), (inside[-1], 1)):
         low, high, good = stress[i], stress[i] * (SCANNED[1] / SCANNED[0]) ** way, fits[i][1]
-        for _ in range(HALVINGS if 0 < i < len(stress) - 1 else 0):
+        # the last step is halved to a factor of 1.06 in the stress
+        for _ in range(3 if 0 < i < len(stress) - 1 else 0):
             middle = np.sqrt(low * high)
             refit = _prescribed(problem, family, good, point, middle, limit)
             if problem.misfit(family, refit) ** 2 <= limit:
@@ -137,15 +136,14 @@ def _prescribed(
             np.concatenate([problem.points.scale, point.scale]),
         ),
         mean=np.append(problem.mean, stress),
-        weight=np.append(problem.weight, PULL / stress),
+        # the prescribed stress is met to 1e-4
+        weight=np.append(problem.weight, 100.0 / stress),
     )
     solutions = [extended.solve(family, start, ROUGH)]
     if family.is_linear or problem.misfit(family, solutions[0]) ** 2 <= limit:
         return solutions[0]
     # a fit that left a term unused cannot bring it back step by step: a fresh start can
-    for fresh in family.starts(extended.points, extended.weight, extended.mean, extended.stiffness)[
-        :FRESH_STARTS
-    ]:
+    for fresh in family.starts(extended.points, extended.weight, extended.mean, extended.stiffness)[:2]:
         solutions.append(extended.solve(family, fresh, ROUGH))
         if problem.misfit(family, solutions[-1]) ** 2 <= limit:
             return solutions[-1]

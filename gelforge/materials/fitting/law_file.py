@@ -22,7 +22,7 @@ STATES = np.concatenate(
         for test in ("uniaxial", "pure_shear", "equibiaxial")
     ]
 )
-NEGLIGIBLE = 1e-3  # of the variance: the error bar is then short by less than 1e-3
+NEGLIGIBLE = 1e-3  # of the variance: the error bar is then short by 1 - sqrt(1 - 1e-3) = 5e-4 of itself
 DIGITS = 10  # of every stored number: beyond the convergence of a fit, within what another machine reproduces
 
 

@@ -17,7 +17,6 @@ from gelforge.mechanics.laws.homogeneous import principal_stretches
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.stability import PLANE, drucker_margin
 
-SMALLEST_STRAIN = 1e-6  # states below are at rest
 STATES = (13, 40)  # directions from uniaxial to equibiaxial and steps along each, where stability is checked
 
 
@@ -32,7 +31,7 @@ class ValidRange:
     def of(cls, lam: np.ndarray) -> ValidRange:
         """Return the range of tested states lam (m, 3), whose order does not matter."""
         e = np.sort(_logarithms(lam), axis=-1)[:, ::-1]
-        if not (np.abs(e) > SMALLEST_STRAIN).any():
+        if not (np.abs(e) > 1e-6).any():  # at rest below
             raise ValueError("no tested state is stretched; a range needs one at least")
         images = np.concatenate([e[:, list(order)] for order in permutations(range(3))])
         from scipy.spatial import ConvexHull  # slow to import: jobs that only read a law do without

@@ -18,12 +18,17 @@ from scipy.optimize import least_squares
 # Radii of drawn caps and ellipses are found, through blur and dust too (tests/materials/test_apex_shape.py):
 STEEPEST_DEG = 60.0  # of the outline that is fitted: beyond it the cap's own shape differs most from a conic
 LOWEST_SHARE = 0.3  # of the apex's height over the clamp: keeps off the clamp's rounded edge
-LEAST_SAGITTA_PX = 8.0  # height of the fitted arc; 0.1 px of systematic error is then 1 % of the radius
-SHARED_POINTS = 3.0  # neighbouring columns whose errors go together: smoothing and blur reach about so far
+# Height s of the fitted arc: its radius is c^2 / (8 s), so 0.1 px of systematic error is 1.2 % of it. Membranes stretched
+# by 0.2 % are refused (tests/materials/test_apex_shape.py).
+LEAST_SAGITTA_PX = 8.0
+# Columns with an outline, and points near the apex: a needle of 10 columns is refused (tests/materials/test_apex_shape.py).
 LEAST_POINTS = 20
+# Six times noise of 4 grey levels, under which a blurred membrane is found; an even picture is refused
+# (tests/materials/test_apex_shape.py).
 LEAST_CONTRAST_GREY = 25.0
-PROFILE_PX = 8  # length of a profile to each side of the outline
-SIGNIFICANT = 3.0  # standard errors by which k must differ from 1 for the conic to replace the circle
+# Standard errors by which k must differ from 1 for the conic to replace the circle: 1 in 370 by chance. Circles stay
+# circles, ellipses are found (tests/materials/test_apex_shape.py).
+SIGNIFICANT = 3.0
 
 
 class SilhouetteError(ValueError):
@@ -136,7 +141,7 @@ def _normal_outline(smooth: np.ndarray, points: np.ndarray, curve: np.ndarray) -
     normal = gradient / np.linalg.norm(gradient, axis=1, keepdims=True)  # outwards
     normal = normal[steep := np.abs(normal[:, 1]) > np.cos(np.radians(STEEPEST_DEG))]
     points = points[steep] - _distance(curve, points[steep])[:, None] * normal  # on the curve
-    s = np.arange(-PROFILE_PX, PROFILE_PX + 0.25, 0.25)
+    s = np.arange(-8, 8 + 0.25, 0.25)
     at = points[:, None] + s[:, None] * normal[:, None]  # (n, profile, 2)
     profile = map_coordinates(smooth, [at[..., 1], at[..., 0]], order=3, mode="nearest")
     inside, outside = profile[:, s < -4].mean(1), profile[:, s > 4].mean(1)
@@ -187,7 +192,8 @@ def _fit_with_errors(
     scale = np.array([1.0, 1.0, start[2], 1.0])[:number]
     fit = least_squares(distance, start[:number], x_scale=scale, loss="soft_l1", f_scale=0.3)
     rms = float(np.sqrt(np.mean(fit.fun**2)))
-    freedom = max(len(points) / SHARED_POINTS - number, 1.0)
+    # errors of neighbouring columns go together: smoothing and blur reach about three of them
+    freedom = max(len(points) / 3.0 - number, 1.0)
     covariance = np.linalg.inv(fit.jac.T @ fit.jac) * rms**2 * len(points) / freedom
     errors = np.zeros(4)
     errors[:number] = np.sqrt(np.diag(covariance))

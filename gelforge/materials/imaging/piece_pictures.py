@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.csv_table import TableError, read_csv
+from gelforge.materials.basis.statistics import ROWS_OF_CURVE
 from gelforge.materials.imaging.apex_shape import SilhouetteError, apex_shape, flat_row_px
 from gelforge.progress import tracked
 
@@ -25,8 +26,6 @@ PICTURE_SETTINGS = (
     "mm_per_px",
     "camera_distance_mm",
 )  # of samples.csv, all optional
-LEAST_ROWS = 5  # tracked rows below which there is no curve
-REASONS_QUOTED = 5  # of the rows left out; their number is always stated (no result depends on it)
 
 
 def has_pictures(path: str | Path) -> bool:
@@ -173,13 +172,13 @@ def _picture(path: Path, line: int, name: str) -> np.ndarray:
 def _left_out(path: Path, reasons: list[str]) -> list[str]:
     if not reasons:
         return []
-    more = f"; and {len(reasons) - REASONS_QUOTED} more" if len(reasons) > REASONS_QUOTED else ""
-    return [f"{path.name}: {len(reasons)} rows left out: {'; '.join(reasons[:REASONS_QUOTED])}{more}"]
+    more = f"; and {len(reasons) - 5} more" if len(reasons) > 5 else ""
+    return [f"{path.name}: {len(reasons)} rows left out: {'; '.join(reasons[:5])}{more}"]
 
 
 def _check_enough(path: Path, number: int, reasons: list[str]) -> None:
-    if number < LEAST_ROWS:
+    if number < ROWS_OF_CURVE:
         raise TableError(
-            f"{path}: {number} pictures could be measured, {LEAST_ROWS} at least are needed; the first that could not:"
+            f"{path}: {number} pictures could be measured, {ROWS_OF_CURVE} at least are needed; the first that could not:"
             f" {reasons[0] if reasons else 'none'}. Speckle the piece finely, light it evenly, or take frames more often"
         )

@@ -9,17 +9,25 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from gelforge.materials.basis.common_form import MaterialTest
-from gelforge.materials.basis.statistics import channel_step, row_noise
+from gelforge.materials.basis.statistics import ROWS_OF_SCATTER, channel_step, row_noise
 
 # Breaks and slips are found; noise, softening, holds and yield points are none (tests/materials/test_curve_defects.py):
 WITHIN, WITHIN_ROWS = 0.01, (3, 50)  # of the rows, in which the stress falls: slower is softening
-GOES_ON = 5e-4  # of the range of strain, by which it grows meanwhile: else the specimen is held, and relaxes
-LEAST_FALL = 0.05  # of the largest stress
-NOISE, STEPS = 10.0, 2.0  # standard deviations of a row, and steps of a coarse channel
+# Of the range of strain, by which it grows meanwhile: else the specimen is held, and relaxes. A hold that relaxes by 40 %
+# is no fall (test_curve_defects.py).
+GOES_ON = 5e-4
+# Of the largest stress: a slip by a fifth is found, slow softening is none (test_curve_defects.py).
+LEAST_FALL = 0.05
+# Standard deviations of a row, and steps of a coarse channel: noise of 2 % of the stress and single steps of 2.5 kPa are no
+# fall (test_curve_defects.py).
+NOISE, STEPS = 10.0, 2.0
 LASTS_ROWS = 3  # a single row that is low is a reading that failed
-BROKEN = 0.3  # of the stress before, below which what is left bears nothing
-LEAST_ROWS = 8  # of which the scatter is known
-FEW_ROWS = 60  # below which WITHIN_ROWS are more than 5 % of the rows: so slow a fall is softening where more is borne later
+# Of the stress before, below which what is left bears nothing: a specimen that keeps 3 % broke, one that keeps 80 % slipped
+# (test_curve_defects.py).
+BROKEN = 0.3
+# Below which WITHIN_ROWS are more than 5 % of the rows: so slow a fall is softening where more is borne later, as yield
+# points of curves of 30 to 50 rows are (test_curve_defects.py).
+FEW_ROWS = 60
 
 
 @dataclass(frozen=True)
@@ -50,7 +58,7 @@ def fall_while_loading(test: MaterialTest) -> Fall | None:
 def sudden_fall(strain: np.ndarray, stress: np.ndarray) -> Fall | None:
     """Return the first sudden fall of the stress (n,) while the strain (n,) grows away from rest, None without any."""
     size, n = np.abs(np.asarray(stress, float)), len(stress)
-    if n < LEAST_ROWS or not np.isfinite(size).all():
+    if n < ROWS_OF_SCATTER or not np.isfinite(size).all():
         return None
     limit = max(LEAST_FALL * size.max(), NOISE * row_noise(size), STEPS * channel_step(size))
     rows = int(np.clip(np.ceil(WITHIN * n), *WITHIN_ROWS))

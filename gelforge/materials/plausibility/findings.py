@@ -13,19 +13,21 @@ from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.segments import TOLERANCE, largest_back_step
 from gelforge.materials.basis.statistics import row_noise
 from gelforge.materials.basis.stresses import neo_hookean_shape
-from gelforge.materials.plausibility.rest_force import rest_words
+from gelforge.materials.plausibility.rest_force import REST, rest_words
 
 # Preloads, offsets and toes are distinguished from noise (tests/materials/test_curve_defects.py):
 FEW_ROWS = 20  # below, the scatter of a fit rests on too few residuals
-STRAIN_AT_START = 0.005  # a first row further from rest than this was not taken at the start
-TOE_STRAIN = 0.005  # the stress extrapolates to zero this far from rest
+# A first row further from rest than this was not taken at the start: one at a strain of 0.04 is reported, a clean curve has
+# nothing to report (tests/materials/test_mapping.py).
+STRAIN_AT_START = 0.005
+# The stress extrapolates to zero this far from rest: a toe of 0.03 is reported, a clean curve has nothing to report
+# (tests/materials/test_mapping.py).
+TOE_STRAIN = 0.005
 TOE_WINDOW = 0.25  # of strain above the first row; the small-strain modulus is found there
 RATE_DIFFERS = 0.1  # relative
-RATE_SECTIONS = 10  # of a loading
 RATE_SPREAD = 1.5  # between the slow and the fast tenth of a loading
 INTERVAL_SPREAD = 3.0  # between the sampling intervals of one test
 LEFT_STRESS = 5e-3  # of the largest: the drift that a load cell of half a per cent may have (ISO 7500-1:2018, class 0.5)
-REST = 1e-3  # strain within which a row counts as being at rest
 PRELOAD_ROWS = 3  # that wait at one stretch before the ramp
 SIGMAS = 3.0  # an offset smaller than this many standard errors is noise
 
@@ -86,7 +88,7 @@ def _section_rates(lam: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the rates [1/s] over equal sections of a loading; whole sections average the noise of single rows."""
     outward = np.maximum.accumulate(np.sign(lam[-1] - lam[0]) * lam)
     first = np.r_[True, np.diff(outward) > 0]  # the envelope grows strictly
-    levels = np.linspace(outward[0], outward[-1], min(RATE_SECTIONS, first.sum() - 1) + 1)
+    levels = np.linspace(outward[0], outward[-1], min(10, first.sum() - 1) + 1)
     spans = np.diff(np.interp(levels, outward[first], time[first]))
     return (np.diff(levels) / np.maximum(spans, 1e-12))[spans > 0]
 

@@ -12,27 +12,42 @@ import numpy as np
 
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import MaterialTest
-from gelforge.materials.basis.statistics import channel_step, row_noise
-from gelforge.materials.plausibility.rest_force import rest_words
+from gelforge.materials.basis.statistics import ROWS_OF_SCATTER, channel_step, row_noise
+from gelforge.materials.plausibility.rest_force import REST, rest_words
 from gelforge.robust import SIGMA_OF_MEDIAN
 
 # Faulty curves are refused and their right neighbours read (tests/materials/test_odd_rows.py, test_curve_defects.py):
 SINGLE_SHARE = 0.1  # of the loading's range: load cells err by a hundredth of this, a lost digit by more
-END_SHARE = 0.5  # the same of a first or last row, which has a neighbour on one side only
-SIGMAS = 20.0  # of the rows' scatter about their neighbours: far beyond noise, also that of heavy tails
-STEPS = 2.0  # of a coarse channel, which rounds one row up and the next down
-LEAST_ROWS = 8  # of a loading, to know its scatter
-START_STRAIN = 0.1  # of the largest strain: rows nearer to rest than this
-START_STRESS = 0.5  # of the largest: an elastomer bears a fifth of it there, a column that was swapped any
-REST_STRESS = 0.2  # of the largest stress, the least that matters of what rest itself seems to bear
-# of the stress near rest, by a straight line to rest: any power of the strain above 0.2 has less
+# The same of a first or last row, which has a neighbour on one side only: a last row a thousand times too small is refused,
+# the turn of a cycle of 12 rows passes (test_odd_rows.py).
+END_SHARE = 0.5
+# Of the rows' scatter about their neighbours: far beyond noise, also that of heavy tails. Rows that scatter by 5 % pass,
+# one at 1.4 times its stress under noise of 0.1 % is refused (test_odd_rows.py).
+SIGMAS = 20.0
+# Of a coarse channel, which rounds one row up and the next down: single steps of 2.5 kPa are no odd rows
+# (test_curve_defects.py).
+STEPS = 2.0
+# Of the largest strain: rows nearer to rest than this. There a gel whose stress is the root of its strain bears 32 %, a
+# filled rubber 47 % and a start under load more than START_STRESS (test_odd_rows.py).
+START_STRAIN = 0.1
+# Of the largest: an elastomer bears a fifth of it there, a column that was swapped any. 47 % pass (test_odd_rows.py).
+START_STRESS = 0.5
+# Of the largest stress, the least that matters of what rest itself seems to bear: time read as pressure has more than 30 %
+# and is refused, a load cell's zero of 9 % passes (test_odd_rows.py).
+REST_STRESS = 0.2
+# Of the stress near rest, by a straight line to rest: any power of the strain above 0.2 has less, and 0.25 passes
+# (test_odd_rows.py).
 REST_SHARE = 0.7
-LEAST_FLAT, FLAT_STRETCH = 5, 0.02  # rows at the largest stress, and share of the stretch that they cover
-# Below a maximum of a parabola level k has sqrt(k) - sqrt(k - 1) of the rows of the largest one: the first has 2.2 times the
-# median of so many, and more where a curve tends to a plateau; a curve that is cut off has as many rows in each.
+# Rows at the largest stress, and share of the stretch that they cover: curves cut at 0.5 and 0.8 of their stress are named,
+# those that flatten by themselves pass (test_curve_defects.py).
+LEAST_FLAT, FLAT_STRETCH = 5, 0.02
+# Below a maximum of a parabola level k has sqrt(k) - sqrt(k - 1) of the rows of the largest one: the first has 2.2 times
+# the median of so many, and more where a curve tends to a plateau; a curve that is cut off has as many rows in each
+# (test_curve_defects.py).
 FEW_LEVELS, LEAST_LEVEL, SLOWER = 12, 3, 2.0
-AT_REST = 1e-3  # strain
-LEAST_REST_STRESS = 0.1  # of the largest stress, beyond which it doubles the small-strain modulus
+# Of the largest stress, beyond which it doubles the small-strain modulus: preloads by 8 % of strain are refused, an offset
+# of 7 % of the stress is a note (test_curve_defects.py).
+LEAST_REST_STRESS = 0.1
 
 
 def check_rows(
@@ -77,11 +92,11 @@ def check_rows(
         )
     if toe:
         return
-    resting = strain <= AT_REST
+    resting = strain <= REST
     if resting.any():
         rest = float(np.median(test.nominal_stress[first.rows][resting]))
         if abs(rest) > max(
-            LEAST_REST_STRESS * stress.max(), 5 * row_noise(stress, LEAST_ROWS) / np.sqrt(resting.sum())
+            LEAST_REST_STRESS * stress.max(), 5 * row_noise(stress, ROWS_OF_SCATTER) / np.sqrt(resting.sum())
         ):
             raise TableError(
                 f"{path}: {rest * 1e3:.4g} kPa, {abs(rest) / stress.max():.0%} of the largest stress, at {test.abscissa}"
@@ -116,7 +131,7 @@ def flat_top(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     others = size[~top]
     if (
         top.sum() < LEAST_FLAT
-        or len(others) < LEAST_ROWS
+        or len(others) < ROWS_OF_SCATTER
         or np.ptp(stretch[top]) < FLAT_STRETCH * np.ptp(stretch)
     ):
         return None
@@ -128,7 +143,7 @@ def flat_top(stretch: np.ndarray, stress: np.ndarray) -> int | None:
 
 def single_row(stretch: np.ndarray, stress: np.ndarray) -> int | None:
     """Return a row whose stress (or force) is far off that of its neighbours, which agree; None where there is none."""
-    if len(stress) < LEAST_ROWS:
+    if len(stress) < ROWS_OF_SCATTER:
         return None
     off = stress[1:-1] - (stress[:-2] + stress[2:]) / 2
     scatter = max(SIGMAS * SIGMA_OF_MEDIAN * np.median(np.abs(off)), STEPS * channel_step(stress))
@@ -150,7 +165,7 @@ def check_copies(where: str, tests: Sequence[MaterialTest]) -> None:
     seen: dict[bytes, MaterialTest] = {}
     for test in tests:
         curve = np.stack([test.stretch, np.nan_to_num(test.nominal_stress), _or_zero(test)])
-        if len(test.stretch) < LEAST_ROWS:
+        if len(test.stretch) < ROWS_OF_SCATTER:
             continue
         before = seen.setdefault(np.round(curve, 12).tobytes(), test)
         if before is not test:

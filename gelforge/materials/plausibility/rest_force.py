@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gelforge.materials.basis.common_form import MaterialTest
 
+REST = 1e-3  # strain within which a row counts as being at rest
 PRELOAD = (
     "a preload, after which the extension was set to zero (`toe: remove` moves the origin to the zero of stress; `toe` in"
     " samples.csv)"

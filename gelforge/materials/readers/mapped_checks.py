@@ -8,22 +8,28 @@ from gelforge.config.foreign.mapping import Strain
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import MaterialTest, Segment
 from gelforge.materials.basis.segments import find_segments, first_reversal
-from gelforge.materials.basis.stresses import neo_hookean_shape
+from gelforge.materials.basis.stresses import LEAST_STRAIN, neo_hookean_shape
 from gelforge.materials.readers.mapped_columns import nominal_stress_of, stretch_of
 
-# Wrong units, signs and columns are refused and their right neighbours read in `python -m benchmarks.faults inputs`:
-# The softest silicones break below a stretch of 20, foams densify at 0.1: per cent read as a number, or a length
-# read as a stretch, fall out. Adhesives are sheared up to 10.
+# The softest silicones break below a stretch of 20, foams densify at 0.1: per cent read as a number, or a length read as a
+# stretch, fall out. Wrong units, signs and columns are refused, their right neighbours read (benchmarks/faults.py, inputs).
 STRETCH = (0.05, 25.0)
+# Adhesives are sheared up to 10; a shear 1000 times too large is refused (benchmarks/faults.py, inputs).
 SHEAR = (-12.0, 12.0)
-LEAST_STRAIN = 0.02  # less does not distinguish a law from a straight line
-SAME_SIGN = 0.8  # of the strained rows: the stress has the sign of the strain
-# a person's rate: crosshead and gauge differ by up to 3, minutes and seconds by 60, milliseconds by 1000
+# Of the strained rows: the stress has the sign of the strain; of a pull recorded as negative none has
+# (tests/materials/test_mapping.py).
+SAME_SIGN = 0.8
+# A person's rate: crosshead and gauge differ by up to 3, minutes and seconds by 60, milliseconds by 1000; times 1000 times
+# too large are refused (benchmarks/faults.py, inputs).
 DECLARED_RATE = 5.0
-WRONG_UNIT = 1000.0  # between MPa, kPa and Pa, N and mN, mm and um
-AGREES = 0.02  # of the largest value, between two measures of the same test
+WRONG_UNIT = 1000.0  # between MPa, kPa and Pa, N and mN, mm and um (prefixes of NIST SP 811, 2008)
+# Of the largest value, between two measures of the same test: a nominal strain declared as a true one is refused
+# (tests/materials/test_mapping.py).
+AGREES = 0.02
 DISAGREEING_ROWS = 0.1  # of the rows: more is another column or unit, not an odd row
-TURNS, FAR_STEPS = 0.45, 0.1  # of the rows, and of the range: random order turns at two thirds, by a third
+# Of the rows, and of the range: random order turns at two thirds of the rows (Bienayme 1874), by a third of the range. 12
+# rows at random are named, coarse cycles are none (tests/materials/test_curve_defects.py).
+TURNS, FAR_STEPS = 0.45, 0.1
 
 
 def check_range(path, entry, table, test: MaterialTest) -> None:

@@ -17,7 +17,8 @@ from gelforge.materials.small_tests.microindentation import layer_factor
 # of the ball's radius: the way to the contact included; um read as mm are 1000 times more
 LARGEST_TRAVEL = 50.0
 
-# Of gels to hard rubber (1 kPa to 15 MPa), a factor of 3 beyond, as the contact is coarse.
+# Of gels to hard rubber (1 kPa to 15 MPa), a factor of 3 beyond, as the contact is coarse: depths 1000 times too small are
+# refused (tests/materials/test_odd_rows.py).
 YOUNGS_MODULUS_MPA = 3e-4, 50.0
 # of the largest force at half the depth: 0.35 by Hertz, less on a thin layer, 0.5 of a flat punch
 HALF_WAY = 0.62

@@ -23,6 +23,7 @@ from gelforge.config.foreign.mapping import (
 )
 from gelforge.csv_table import CsvForm, TableError, blocks, read_csv
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest, MaterialTest
+from gelforge.materials.basis.statistics import ROWS_OF_CURVE
 from gelforge.materials.plausibility.falls import fall_while_loading, fall_words
 from gelforge.materials.plausibility.findings import corrected, findings, rate_while_loading
 from gelforge.materials.plausibility.odd_rows import check_rows
@@ -42,8 +43,6 @@ from gelforge.materials.readers.mapped_columns import (
 )
 from gelforge.materials.readers.mapped_contacts import check_modulus, force_pair, indentation_test
 from gelforge.units import UNITS, unit_in_header
-
-LEAST_ROWS = 5  # one more than the 4 parameters of an Ogden model of two terms
 
 Read = MaterialTest | IndentationTest | ForcePair
 
@@ -229,8 +228,10 @@ def _from_name(path: Path, entry: TestMapping) -> dict[str, str]:
 
 
 def _test(path: Path, entry: TestMapping, table: pd.DataFrame, part: str, named: dict[str, str]) -> Read:
-    if len(table) < LEAST_ROWS:
-        raise TableError(f"{path}: {len(table)} rows{_of(part)}; {LEAST_ROWS} at least are needed for a test")
+    if len(table) < ROWS_OF_CURVE:
+        raise TableError(
+            f"{path}: {len(table)} rows{_of(part)}; {ROWS_OF_CURVE} at least are needed for a test"
+        )
     sample = "_".join(word for word in (named.get("sample", "" if part else path.stem), part) if word)
     time, time_said, table = _time(path, entry, table)
     if entry.kind == "indentation":
@@ -326,9 +327,9 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
                 f"{path}, {text}; cut the curve there with `corrections: {{after_fall: cut}}`, or confirm it with"
                 " `after_fall: keep`"
             )
-        if stop < LEAST_ROWS:
+        if stop < ROWS_OF_CURVE:
             raise TableError(
-                f"{path}, {text}: {stop} rows are left before it, {LEAST_ROWS} at least are needed for a test; leave the"
+                f"{path}, {text}: {stop} rows are left before it, {ROWS_OF_CURVE} at least are needed for a test; leave the"
                 " test out, or confirm it with `corrections: {after_fall: keep}`"
             )
         said = [*said, f"corrected: {text}; cut there (after_fall)"]

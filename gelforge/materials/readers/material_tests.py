@@ -31,7 +31,7 @@ from gelforge.materials.plausibility.findings import corrected, findings, rate_w
 from gelforge.materials.plausibility.odd_rows import check_rows
 from gelforge.materials.readers.mapped_checks import in_no_order, unnoticed_unit
 from gelforge.materials.readers.small_files import small_test_files
-from gelforge.materials.small_tests.trials import THICKNESS, Mean, sheet_thickness
+from gelforge.materials.small_tests.trials import THICKNESS, THICKNESS_MM, Mean, sheet_thickness
 from gelforge.mechanics.laws.homogeneous import LOAD_CASES, principal_stretches
 
 RELAXATION = "relaxation"  # as a `test` in samples.csv: a strip in uniaxial tension whose stretch is held
@@ -46,18 +46,21 @@ CORRECTIONS = (
 )  # made where samples.csv asks for them, stated in the findings
 CIRCUMSTANCES = ("strain_rate_per_s", "age_days", "temperature_C", "cycle")
 
-# Lengths and stresses in another unit are refused (tests/materials/test_reading_material_tests.py):
-# Plausible ranges of sheets and strips. Their ends are less than a factor of 1000 apart, so that a length in m or um
-# falls out. The shear modulus spans more, from gels (0.5 kPa) to filled rubber (Shore A 90, 5 MPa): where a unit wrong
-# by 1000 would stay inside, a finding says so.
-THICKNESS_MM = (0.02, 15.0)
+# Sheets and strips, with ends less than a factor of 1000 apart: a width in m is refused (test_reading_material_tests.py).
 WIDTH_MM = (1.0, 300.0)
+# A strain or per cent in place of a stretch is refused (test_reading_material_tests.py).
 STRETCH = (0.2, 15.0)
-SHEAR_MODULUS_MPA = (0.5e-3, 5.0)  # secant modulus of a sample
+# Secant modulus of a sample, from gels (0.5 kPa) to filled rubber (Shore A 90, 5 MPa). 20 kPa with the force in mN or kN
+# are refused (test_reading_material_tests.py); where a unit wrong by 1000 would stay inside, a finding says so.
+SHEAR_MODULUS_MPA = (0.5e-3, 5.0)
+# Needed to find a constitutive model: a strip from 1 to 1.03 is refused (test_reading_material_tests.py).
 LEAST_STRETCH_RANGE = 0.05
-# between a sample and the median of its material: scatter of curing stays below 2
+# Between a sample and the median of its material: scatter of curing stays below 2, a file in other units 25 times softer is
+# refused (test_reading_material_tests.py).
 LARGEST_MODULUS_RATIO = 10.0
-LATERAL_STRETCH = 0.2  # relative distance of a tracked stretch_2 from the load case
+# Relative distance of a tracked stretch_2 from the load case: 1 where 1.6 is expected is refused
+# (test_reading_material_tests.py).
+LATERAL_STRETCH = 0.2
 
 
 def input_files(folder: str | Path) -> list[Path]:

@@ -18,7 +18,6 @@ from gelforge.materials.small_tests.trials import (
 )
 
 T_INTERVAL = "Student's t over the trials"
-SIGMAS = 2.0  # of a 95 % interval
 # Of the largest force of an indentation: as much as load cells of class 1 may be off (ISO 7500-1:2018).
 NOTABLE_OFFSET = 0.01
 
@@ -174,7 +173,7 @@ def _creep(test: IndentationTest, segment: str) -> MeasuredEffect:
     """Return by how much a hold moves and by how much its force changes, from its first row to its last."""
     held = test.in_segment(segment)
     moved, changed = (float(values[-1] - values[0]) for values in (held.position_mm, held.force_N))
-    force, noise = float(held.force_N[0]), SIGMAS * _row_noise(held.position_mm)
+    force, noise = float(held.force_N[0]), 2.0 * _row_noise(held.position_mm)
     lasts = None if held.time_s is None else float(held.time_s[-1] - held.time_s[0])
     time = "" if lasts is None else f" of {lasts:.4g} s"
     share = f", {changed / force:+.1%}" if force else ""

@@ -12,10 +12,12 @@ from gelforge.materials.basis.common_form import ForcePair
 from gelforge.materials.basis.statistics import Mean, mean_of
 
 FRICTION, THICKNESS = "friction.csv", "thickness.csv"  # files of a folder
-TILT_DEG = (1.6, 80.0)  # radians end at pi / 2 = 1.571; a friction of 0.028 is no elastomer's
-THICKNESS_MM = (0.02, 15.0)  # a sheet of 20 um in um, and one of 15 mm in m, fall out
-LEAST_TRIALS = 3  # two leave one degree of freedom, of which Student's t is 12.7
-LEAST_ROWS_OF_PRESS = 5
+# Radians end at pi / 2 = 1.571, and 0.7 is refused (tests/materials/test_small_tests.py); a friction of 0.028 is no
+# elastomer's.
+TILT_DEG = (1.6, 80.0)
+# A sheet of 20 um in um, and one of 15 mm in m, fall out; 500 and 0.0005 are refused (test_reading_material_tests.py).
+THICKNESS_MM = (0.02, 15.0)
+LEAST_TRIALS = 3  # Two leave one degree of freedom, of which Student's t (1908) is 12.7 at 95 %.
 LEAST_RISE = 0.5  # of the largest force of an indentation
 
 
@@ -117,7 +119,7 @@ def pressed_rows(pair: ForcePair, loaded_share: float = 0.05) -> list[tuple[str,
     mean = (one + two) / 2
     edges = np.flatnonzero(np.diff(np.r_[False, mean > loaded_share * np.max(mean), False].astype(int)))
     for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):
-        if b - a >= LEAST_ROWS_OF_PRESS and np.ptp(mean[a:b]) >= LEAST_RISE * mean[a:b].max():
+        if b - a >= 5 and np.ptp(mean[a:b]) >= LEAST_RISE * mean[a:b].max():
             presses.append((str(a if pair.position is None else pair.position[a]), slice(a, b)))
     return presses
 

@@ -9,8 +9,6 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
-NEIGHBOURS = 8  # quadrature points whose elements a grid point listens to
-
 
 @dataclass(frozen=True)
 class Box:
@@ -88,7 +86,8 @@ def _continued(points: np.ndarray, values: np.ndarray, places: np.ndarray) -> np
     size = np.abs(points - middle[:, None]).max(axis=1)  # (E, 3)
     functions = np.linalg.pinv(_basis((points - middle[:, None]) / size[:, None])[..., :Q])  # (E, Q, Q)
     coefficients = np.einsum("epq,eq->ep", functions, values)
-    distance, nearest = cKDTree(points.reshape(-1, 3)).query(places, k=NEIGHBOURS)
+    # a grid point listens to the elements of the nearest quadrature points
+    distance, nearest = cKDTree(points.reshape(-1, 3)).query(places, k=8)
     element = nearest // Q  # (m, k)
     at = _basis((places[:, None] - middle[element]) / size[element])[..., :Q]
     peaks = np.einsum("mkp,mkp->mk", at, coefficients[element])

@@ -37,7 +37,6 @@ TOUCHES = 3e-14
 # Above the stiffness of a node it takes nodes from one slip to the opposite one, past the stick between them. It is in no
 # solution (docs/decisions/0010-exact-friction.md).
 SLIP_WEIGHT = 1.0
-FINE = 0.1  # share of the surface's nodes whose elements are the smallest
 SAME_WAY = 0.999  # cosine between two steps of the indenter along which the body's motion is extrapolated
 
 
@@ -76,7 +75,8 @@ class SurfaceContact:
         self.facets = settings.facets if body.mesh.elements.shape[1] == 8 else 0.0
         self.X = body.mesh.X[self.nodes]
         self.size = np.sqrt(self.area)  # (S,) [mm] of the elements at a node
-        self.element_size = float(np.quantile(self.size, FINE))  # [mm] where they are fine
+        # a tenth of the nodes have the smallest elements
+        self.element_size = float(np.quantile(self.size, 0.1))  # [mm] where they are fine
         shear = _shear_modulus(body)
         self.eps_n = settings.normal_augmentation * shear / self.size  # (S,) [N/mm^3]
         self.hold = settings.tangential_augmentation * shear / self.size

@@ -16,8 +16,6 @@ import numpy as np
 
 from gelforge.mechanics.indenters.shapes import SAMPLES, Indenter
 
-LEAF = 4  # triangles in a box that is not divided further
-SAME_POINT = 1e-6  # of the surface's size: corners of an STL's triangles this near are one
 # Neighbouring faces that turn by less than about 20 degrees stand for a smooth surface: its corners move along their normal
 # only. Ratio of the eigenvalues of sum n n^T.
 SMOOTH = 0.03
@@ -109,7 +107,8 @@ def closed_surface(vertices: np.ndarray, triangles: np.ndarray, edge: float = 0.
     """
     size = np.ptp(vertices, axis=0).max()
     _, kept, joined = np.unique(
-        np.rint((vertices - vertices.min(axis=0)) / (SAME_POINT * size)).astype(np.int64),
+        # corners of an STL's triangles a millionth of the surface's size apart are one
+        np.rint((vertices - vertices.min(axis=0)) / (1e-6 * size)).astype(np.int64),
         axis=0, return_index=True, return_inverse=True,
     )  # fmt: skip
     vertices, triangles = vertices[kept], joined.reshape(-1)[triangles]
@@ -203,7 +202,7 @@ def _box_tree(corner: np.ndarray, pseudo: np.ndarray) -> BoxTree:
     for start, end in spans:
         inside = order[start:end]
         first, count = start, end - start
-        if count > LEAF:
+        if count > 4:
             axis, half = int(np.argmax(np.ptp(middle[inside], axis=0))), count // 2
             order[start:end] = inside[np.argpartition(middle[inside, axis], half)]
             first, count = len(spans), 0

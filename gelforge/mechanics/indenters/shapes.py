@@ -19,7 +19,6 @@ SECTION, MARGIN = 0.6, 1.1
 
 # Gaps, normals and turns of every shape against its surface (tests/mechanics/test_indenters.py):
 SAMPLES = 65  # points along a side of the box around a shape whose projections sample its surface
-WIDE = 2.0  # a section longer than this many widths is covered by several discs
 
 
 class Indenter:
@@ -304,6 +303,7 @@ def _discs(points: np.ndarray) -> list[tuple[float, float, float]]:
     radius = np.linalg.norm(points - middle, axis=1).max()
     long = int(np.argmax(extent))
     first = points[:, long] <= middle[long]
-    if extent[long] <= WIDE * extent[1 - long] or len(points) < 8 or first.all():
+    # a section longer than two widths is covered by several discs
+    if extent[long] <= 2.0 * extent[1 - long] or len(points) < 8 or first.all():
         return [(*middle, radius)]
     return _discs(points[first]) + _discs(points[~first])

@@ -21,7 +21,6 @@ from gelforge.mechanics.meshes.mesh import Mesh
 # Of the springs that close gaps and hold what sticks, of shear modulus over element size: what is left of a gap or a slip
 # is this part of the others. Rounding in float64 times it is as small.
 STIFF = 1e6
-NUDGE = 1e-6  # of the element size, by which the nodes are moved to see how their forces change
 
 
 @dataclass(frozen=True)
@@ -192,7 +191,7 @@ def force_change(held: Held, by: FlowObservation) -> np.ndarray:
 
 def stiffness_at(contact: SurfaceContact, held: Held) -> np.ndarray:
     """Return -d force / d displacement (n, 3, 3) [N/mm] of every held node, not symmetric."""
-    step = NUDGE * contact.element_size
+    step = 1e-6 * contact.element_size  # by which nodes are moved to see how their forces change
     blocks = np.empty((len(held.nodes), 3, 3))
     for j, axis in enumerate(np.eye(3)):
         ends = [

@@ -18,8 +18,6 @@ from gelforge.mechanics.contact.surface import Iterate, SurfaceContact, steps_ra
 NEIGHBOURS = 4  # nodes whose contact pressures give that of a node (counts: benchmarks/cell_cost.py)
 # A node further outside than this share of the element size is not predicted to touch (counts: benchmarks/cell_cost.py).
 NEAR = 0.05
-# Of the element size: the weight of a node at the very place stays finite, 1e12 times that of the next.
-SAME_PLACE = 1e-6
 # Of the mean contact pressure, at least, of a node that is predicted to touch (counts: benchmarks/cell_cost.py).
 LEAST = 0.02
 
@@ -88,5 +86,6 @@ def _similar(contact: SurfaceContact, previous: State, state: State, ratio: floa
 def _nearest(contact: SurfaceContact, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the surface nodes (n, k) nearest to places (n, 3), and weights (n, k) by inverse squared distance."""
     distance, nearest = contact.tree.query(places, k=NEIGHBOURS)
-    weight = 1 / np.maximum(distance, SAME_PLACE * contact.element_size) ** 2
+    # the weight of a node at the very place stays finite
+    weight = 1 / np.maximum(distance, 1e-6 * contact.element_size) ** 2
     return nearest, weight / weight.sum(axis=1, keepdims=True)

@@ -10,9 +10,6 @@ import numpy as np
 from gelforge.mechanics.contact.state import State
 from gelforge.mechanics.solving.equilibrium import Aim, NotConverged, Press, Watch, padded
 
-MAX_SOLVES = 12  # of one step: the secant takes 3 to 5
-SHARE_OF_GAP = 1e-2  # of the contact's own tolerance: to this the place of the indenter is found
-
 
 def follow_yielding(
     press: Press,
@@ -75,10 +72,12 @@ class _Machine:
     def balanced(self, previous: State | None, state: State, at: np.ndarray, aim: Aim) -> State:
         """Return the state at a commanded centre at which the lag is the compliance times the force along the path."""
         press, c = self.press, self.compliance
-        tolerance = SHARE_OF_GAP * press.settings.gap_tolerance * press.contact.element_size
+        # the place of the indenter is found to a hundredth of the contact's own tolerance
+        tolerance = 1e-2 * press.settings.gap_tolerance * press.contact.element_size
         lag = self.lag + self.growth * float((aim.centre - at) @ self.along)
         guess, last, iterations, factorisations, stiffness = None, None, 0, 0, 0.0
-        for _ in range(MAX_SOLVES):
+        most = 12  # solves: the secant takes 3 to 5
+        for _ in range(most):
             new = press.step(previous, state, aim.centre - lag * self.along, guess, aim.time, aim.limit)
             iterations, factorisations = iterations + new.iterations, factorisations + new.factorisations
             force = float(new.force @ self.along[:3])
@@ -91,6 +90,6 @@ class _Machine:
             guess, last = new, (lag, force)
             lag += miss / (1 + c * stiffness)
         raise NotConverged(
-            f"the machine's yielding ({c:g} mm/N) and the force do not meet after {MAX_SOLVES} solves: {miss:.1e} mm apart"
+            f"the machine's yielding ({c:g} mm/N) and the force do not meet after {most} solves: {miss:.1e} mm apart"
             f" (limit {tolerance:.0e} mm)"
         )

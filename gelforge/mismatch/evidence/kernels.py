@@ -38,12 +38,6 @@ from gelforge.mismatch.thresholds import PLAUSIBLE, SCALES, TEMPERING
 AXES = "xyz"
 # Cosines along each coordinate; beside: over depth, with those of place, path or indentation
 MODES = {"depth": 6, "beside": 3, "place": 4, "time": 8, "path": 3}
-# Axes of the force; None: all in proportion
-DIRECTIONS = {
-    "the pressing force": (2,),
-    "the sideways forces": (0, 1),
-    "all forces in proportion": None,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,13 +170,14 @@ def log_priors(kernels: Sequence[Kernel]) -> dict[str, float]:
 def kernels_of(problem: Problem) -> list[Kernel]:
     """Return the kernels in which these readings may differ, physics with a free form among them; flow is not."""
     labels, of_force, kernels = problem.labels, problem.of_force, []
+    axes_of = {"the pressing force": (2,), "the sideways forces": (0, 1), "all forces in proportion": None}
     axis, named = labels["axis"].to_numpy(), {module.replaces for module in problem.modules}
     own = np.where(of_force, problem.observations.flat(problem.base), 0.0)
     pressing = np.where(of_force, np.abs(problem.base[labels["reading"], 2]), 0.0)
     press = np.where(of_force, np.unique(labels["press"], return_inverse=True)[1].ravel(), -1)
     for over, profile, share, each in _profiles(labels):
         size = pressing if share else np.full(len(labels), np.sqrt(np.mean(pressing[pressing > 0] ** 2)))
-        for name, axes in DIRECTIONS.items():
+        for name, axes in axes_of.items():
             if axes is None:
                 directions = own[:, None] * profile
             else:

@@ -12,6 +12,7 @@ import numpy as np
 
 from gelforge.hdf5 import writing
 from gelforge.indentation.cells.cell_file import Cell, write_timings
+from gelforge.indentation.paths.places import DIGITS
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import Derivative, Variation
 from gelforge.indentation.solving.simulate import simulate_cell
@@ -24,7 +25,6 @@ from gelforge.mismatch.fem.stored import FORMAT, place_digest, slope_digest
 from gelforge.mismatch.free_forms import required
 from gelforge.mismatch.model.effect import Context
 from gelforge.mismatch.model.images_of_presses import image_of
-from gelforge.mismatch.readings.observations import PLACE_DIGITS
 
 # Depth zero is found for every indentation, or once: a tilt is then seen differently.
 ZERO_BY = ("press", "session")
@@ -62,7 +62,7 @@ def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
     clock = time.perf_counter()
     solver = forgetting(solver)
     depths = tuple(float(d) for d in np.unique(cell.depths_mm))
-    straight = PlannedCell("", round(cell.x_mm, PLACE_DIGITS), round(cell.y_mm, PLACE_DIGITS), depths)
+    straight = PlannedCell("", round(cell.x_mm, DIGITS), round(cell.y_mm, DIGITS), depths)
     planned, _ = image_of(solver.study, straight)
     asked = asked_at(solver, planned)
     variations = {key: one for key, (one, _) in asked.items()}

@@ -41,7 +41,9 @@ from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
 Amounts = tuple[Effect, Shape, np.ndarray]
-PART = 0.3  # of the difference to the coarser mesh, root mean square over depths
+# Of the difference to the mesh of twice the sizes, root mean square over depths: about the third that is left of an error of
+# second order (Richardson 1911); FElupe's forces lie within two such bars (tests/mismatch/test_base_bars.py).
+PART = 0.3
 # Of a sideways force itself, which errs by wall and skin, and that a mesh of twice the sizes does not show: the default mesh
 # is 3 to 4 % off (docs/accuracy.md), FElupe's sideways forces differ by 7 % root mean square from 0.8 mm on, 1 / sqrt(2) of
 # which is the error of each code (python -m validation.checks.between_codes --bases concealed --sizes 0.3 0.6).

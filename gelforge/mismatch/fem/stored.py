@@ -17,6 +17,7 @@ from scipy.interpolate import PchipInterpolator
 
 from gelforge.files import FileError, digest, source_digest
 from gelforge.hdf5 import opened
+from gelforge.indentation.paths.places import ROUNDING_MM
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.indentation.solving.sensitivities import Variation
@@ -24,7 +25,6 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 FORMAT = "gelforge-sensitivities-1"
 REMEDY = "solve it again (`gelforge sensitivities`, or snakemake -R on the file)"
-DEPTH_MATCH_MM = 1e-6  # of one plan: what differs by rounding is one depth
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,12 @@ class Stored:
         if not len(self.depths_mm):
             return None
         away = np.abs(self.depths_mm[:, None] - depths)
-        return self.total[away.argmin(axis=0)] if (away.min(axis=0) < DEPTH_MATCH_MM).all() else None
+        return self.total[away.argmin(axis=0)] if (away.min(axis=0) < ROUNDING_MM).all() else None
 
     def slopes_at(self, names: Iterable[str], depths: np.ndarray) -> dict[str, np.ndarray]:
         """Return derivatives (n, 3) at depths (n,) [mm], monotone cubic between those solved; those that it holds."""
         held = [name for name in names if name in self.slopes]
-        if not held or depths.max() > self.depths_mm[-1] + DEPTH_MATCH_MM:
+        if not held or depths.max() > self.depths_mm[-1] + ROUNDING_MM:
             return {}
         knots = np.concatenate([[0.0], self.depths_mm])
         values = np.stack([np.vstack([np.zeros(3), self.slopes[name]]) for name in held], axis=1)

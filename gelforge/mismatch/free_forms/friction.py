@@ -16,7 +16,6 @@ from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 from gelforge.mismatch.model.places import FirstOrder
 
-AT = (0.1, 0.3, 1.0, 3.0, 10.0)  # of the study's reference pressure: pressures of the map
 # Of the study's reference pressure: the lowest one makes a power of most pressures, the highest a straight line.
 REFERENCES = (0.1, 1.0, 10.0)
 WIDTH = 0.2  # of each exponent: together as wide as that of Hertzian asperities, 1/3 (Schallamach 1952)
@@ -58,10 +57,11 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     (excess,) = CATALOGUE["friction"].parameters
     references = [float(one.shape["reference_pressure_MPa"]) for one in changes]
     everywhere = excess.width * context.observations.flat(context.derivative("friction"))
-    pressures = context.study.mechanics.effects.contact.reference_pressure_MPa * np.array(AT)
+    shares = np.array([0.1, 0.3, 1.0, 3.0, 10.0])  # of the reference pressure: pressures of the map
+    pressures = context.study.mechanics.effects.contact.reference_pressure_MPa * shares
     own = _share(context.study, pressures)
     falls = -WIDTH * context.study.mechanics.friction * np.log1p(pressures[:, None] / np.array(references))
-    basis = own[:, None] * np.column_stack([np.full(len(AT), excess.width), falls])
+    basis = own[:, None] * np.column_stack([np.full(len(shares), excess.width), falls])
     return Module(
         words="friction at other pressures",
         directions=np.column_stack([everywhere, *(WIDTH * one.columns[:, 0] for one in changes)]),

@@ -15,7 +15,6 @@ from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 from gelforge.mismatch.model.places import FirstOrder
 from gelforge.mismatch.model.solver_effects import has_none_of
 
-AT = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)  # I1 - 3 of the map: stretches of 1.1 to 1.5
 TERMS = ("c2", "c3")
 WIDTH = 0.5  # of each: the stress per strain at I1 - 3 = 0.5, a stretch of 1.4, differs by half (judgement)
 
@@ -60,10 +59,11 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     if not parts or len(by_term) < len(parts) * len(TERMS):
         return None
     keys = [(part, term) for part in parts for term in TERMS]
+    at = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)  # I1 - 3 of the map: stretches of 1.1 to 1.5
     maps, basis = [], []
     for part in parts:
-        maps.append(pd.DataFrame({"quantity": f"{part}'s dW/dI1", "I1_less_3": AT}))
-        basis.append([[_slope(x, term) if own == part else 0.0 for own, term in keys] for x in AT])
+        maps.append(pd.DataFrame({"quantity": f"{part}'s dW/dI1", "I1_less_3": at}))
+        basis.append([[_slope(x, term) if own == part else 0.0 for own, term in keys] for x in at])
     basis_of_terms = np.concatenate([np.array(rows) for rows in basis])
     return Module(
         words="the strain energy at larger strain",

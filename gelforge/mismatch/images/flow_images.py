@@ -34,7 +34,9 @@ from gelforge.recording.readings import Recording
 from gelforge.virtual_lab.imaging import draw, expose
 from gelforge.virtual_lab.particles import gel_boxes, place_particles
 
-REGIONS = 8  # along each side: 15 to 20 particles per region of the published sensor's gel
+# Along each side: 15 to 20 particles per region of the published sensor's gel. With so many a region's mean differs by 10 to
+# 12 % by where they lie (benchmarks/flow_changes.py).
+REGIONS = 8
 PRESET = "fine"  # of the flow, as the factory's features
 SPREAD_PX = 10.0  # over which the search spreads what it finds: about the distance of particles in the image
 # Largest mean motion of a region in an image that is looked at. Where particles move farther the search mistakes some:

@@ -21,7 +21,9 @@ from gelforge.mismatch.inference.patterns import AXES, Atoms, Pattern, dictionar
 from gelforge.mismatch.readings.observations import Observations, SetAside
 
 DRAWS = Mismatch.model_fields["draws"].default  # the p-value of the maximum then moves by 0.0035 at 0.025
-SPIKE = 5.0  # standard deviations from what all other readings say of it; normal noise: once in two million readings
+# Standard deviations from what all other readings say of it. Normal noise goes beyond once in 1.7 million readings; readings
+# that are off by 15 are found next to any effect (tests/mismatch/test_spikes.py).
+SPIKE = 5.0
 MOST = 0.004  # of the entries, at least one: what strikes more of them is no glitch
 
 

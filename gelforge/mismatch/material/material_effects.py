@@ -12,7 +12,9 @@ from gelforge.mismatch.material.material_readings import Change, Readings
 from gelforge.mismatch.material.stress_readings import Path, StressTests
 from gelforge.mismatch.model.effect import Parameter, Shape
 
-LONGEST_STEP = 0.1  # flow strains: Strang's splitting errs by less than 1e-3 of the stress
+# Flow strains. Splitting is of second order (Strang 1968): the stress errs by less than 1e-3 where the flow's rate is at
+# most 0.1 in a row's time (measured against steps of 1e-3).
+LONGEST_STEP = 0.1
 LEGENDRE = (lambda s: 2 * s - 1, lambda s: 6 * s**2 - 6 * s + 1)  # of the share of the base's range of strain
 PER_DECADE = (
     "0.2 of the stress relaxes per decade where tan delta is 0.14; adhesives reach more, filled rubber less"

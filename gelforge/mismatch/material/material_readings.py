@@ -16,7 +16,7 @@ from gelforge.mismatch.inference.patterns import Atoms, Pattern
 from gelforge.mismatch.model.effect import Effect, Parameter, Shape
 from gelforge.mismatch.thresholds import FEW_SITES, HELD_OUT
 
-# Of a test's largest stress: an ordinary load cell's class, and what a digitised point is off by
+# Of a test's largest stress: the errors of a load cell of class 0.5 (ISO 7500-1:2018), and what a digitised point is off by.
 FORCE_CLASS = 5e-3
 # Of each effect: the experiment on a material that decides.
 DECIDED_BY = {

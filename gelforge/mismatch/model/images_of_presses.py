@@ -9,11 +9,11 @@ from typing import TypeVar
 import numpy as np
 
 from gelforge.config import Study
+from gelforge.indentation.paths.places import DIGITS
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.sensor.symmetry import D4, transform_points, transform_vectors
 from gelforge.mismatch.model.effect import Effect, Shape
-from gelforge.mismatch.readings.observations import PLACE_DIGITS
 
 Path = TypeVar("Path", PlannedCell, Trajectory)
 
@@ -38,7 +38,7 @@ def image_of(study: Study, path: Path) -> tuple[Path, str]:
     if not study.has_symmetry_of_square or path.shears_mm or path.tilts_deg or path.twists_deg:
         return path, "identity"
     width, here = study.sensor.width_x_mm, np.array([path.x_mm, path.y_mm])
-    places = {name: tuple(np.round(transform_points(name, here, width), PLACE_DIGITS) + 0.0) for name in D4}
+    places = {name: tuple(np.round(transform_points(name, here, width), DIGITS) + 0.0) for name in D4}
     name = max(D4, key=lambda name: places[name])
     x, y = places[name]
     return replace(path, x_mm=float(x), y_mm=float(y)), inverse(name)

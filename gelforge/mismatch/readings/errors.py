@@ -12,7 +12,8 @@ from gelforge.config import DepthZero
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.recording.readings import AXES, FORCE, RAW, Recording, force_on_sensor
 
-LEAST_FREEDOM = 10  # repeats that a noise estimate needs
+# Repeats that a noise estimate needs: of 10 the standard deviation is known to 1 / sqrt(20) = 22 % (GUM 2008, table E.1).
+LEAST_FREEDOM = 10
 TOGETHER = (
     "{session}: single indentations have too few zero rows to show the noise: it is taken from those of all"
     " indentations together,"

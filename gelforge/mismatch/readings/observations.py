@@ -21,7 +21,6 @@ ARRAYS = [  # of observations, one row per reading
     *("force", "noise_N", "zero_N", "press_depth_mm", "session_depth_mm"),
     *("rounding_N", "drift_N", "trend_N", "came_along", "repeats", "tails"),
 ]
-PLACE_DIGITS = 6  # positions that agree so far [mm] are one
 
 
 class SetAside(Section):

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gelforge.indentation.paths.places import DIGITS
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
-from gelforge.mismatch.readings.observations import PLACE_DIGITS, Observations
+from gelforge.mismatch.readings.observations import Observations
 from gelforge.recording.tables.path_through import path_through
 
 DEPTH_DIGITS = 4  # depths that agree so far [mm] are one
@@ -43,7 +44,7 @@ def runs_of(observations: Observations) -> Runs:
     way, step, back = np.zeros((3, len(table)), int)
     unloading = np.full(len(table), -1)
     for number, (site, rows) in enumerate(table.groupby("site").indices.items()):
-        x, y = (round(float(v), PLACE_DIGITS) for v in observations.sites[site])
+        x, y = (round(float(v), DIGITS) for v in observations.sites[site])
         # those of unloading too: their base is known
         down = np.unique(np.concatenate([depth[rows], deepest[rows]]))
         ways.append(PlannedCell(f"site{site:04d}", x, y, tuple(map(float, down))))
@@ -99,5 +100,5 @@ def timed_runs_of(observations: Observations, step_mm: float, path_dependent: bo
 def _timed_path(place, depths, times, step_mm) -> tuple[Trajectory, list[int]]:
     """Return a path through readings at depths and times, from the first touch on, and which of its steps they are."""
     way = path_through(depths, times, step_mm)
-    x, y = (round(float(v), PLACE_DIGITS) for v in place)
+    x, y = (round(float(v), DIGITS) for v in place)
     return Trajectory(x, y, way.depths_mm, way.phases, times_s=way.times_s), list(way.readings)

@@ -11,12 +11,12 @@ import pandas as pd
 
 from gelforge.config import ConfigError, Sensor, Session
 from gelforge.config.parts.effects import PressTiming
-from gelforge.indentation.paths.places import visited
+from gelforge.indentation.paths.places import DIGITS, visited
 from gelforge.indentation.planning.tolerance import tolerance_of_stage_mm
 from gelforge.indentation.sensor.stage_frame import axes_of_stage
 from gelforge.input_files import another_kind
 from gelforge.mismatch.readings.errors import depth_scatter, reading_noise, with_contact_point, zeros_together
-from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, PLACE_DIGITS, Observations, last_moves
+from gelforge.mismatch.readings.observations import ARRAYS, COLUMNS, Observations, last_moves
 from gelforge.recording.readings import AXES, FORCE, Recording, read_recording
 from gelforge.recording.tables.checks import before_shear
 
@@ -208,9 +208,7 @@ def _dead_axes(force: np.ndarray, session: Session, unknown: list[str]) -> np.nd
 
 def _sites(xy: np.ndarray, tolerance_mm: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the number of each position's site and the sites' positions (S, 2), in the order first visited."""
-    places, first, which = np.unique(
-        np.round(xy, PLACE_DIGITS), axis=0, return_index=True, return_inverse=True
-    )
+    places, first, which = np.unique(np.round(xy, DIGITS), axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     sites, number = np.unique(visited(places[order], tolerance_mm), return_inverse=True)
     of_place = np.empty(len(places), int)

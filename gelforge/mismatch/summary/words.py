@@ -7,8 +7,6 @@ from gelforge.mismatch.inference.judge import Answer, Judgement
 from gelforge.mismatch.result import verdict as form
 from gelforge.mismatch.thresholds import ADEQUATE_P, LEFT_P
 
-MOST_WORDS = 25  # of a headline
-
 
 def sentence_of(problem: Problem, judgement: Judgement) -> str:
     """Return the headline, 25 words at most: causes with their values, or by name where these do not fit.
@@ -16,7 +14,7 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
     All values and alternatives stand in the answer.
     """
     in_full = _headline(problem, judgement, brief=False)
-    return in_full if len(in_full.split()) <= MOST_WORDS else _headline(problem, judgement, brief=True)
+    return in_full if len(in_full.split()) <= 25 else _headline(problem, judgement, brief=True)
 
 
 def _headline(problem: Problem, judgement: Judgement, brief: bool) -> str:

@@ -20,9 +20,9 @@ from gelforge.files import digest, file_sha256, write_text
 from gelforge.recording.imaging.images import reference_path
 
 KEPT = Path(".snakemake/images")
-# A file this new may change again within a tick of its time stamp, at most 2 s (FAT): what it holds is not kept.
+# A file this new may change again within a tick of its time stamp, 2 s at most (FAT32 specification, Microsoft 2000): what
+# it holds is not kept.
 SETTLED_NS = 2_000_000_000
-THREADS = 4  # reading and hashing run in parallel (no result depends on it)
 State = list[int]  # of a file: size, times of the last change of content and of anything
 
 
@@ -34,7 +34,8 @@ def images_digest(folder: str | Path) -> str:
     known = _read(kept)
     states = {name: _state(path) for name, path in paths.items()}
     unknown = [name for name in paths if known.get(name, [None])[0] != states[name]]
-    with ThreadPoolExecutor(THREADS) as pool:
+    # reading and hashing run in parallel
+    with ThreadPoolExecutor(4) as pool:
         digests = dict(zip(unknown, pool.map(file_sha256, (paths[name] for name in unknown))))
     content = {name: digests.get(name) or known[name][1] for name in paths}
     settled = time.time_ns() - SETTLED_NS

@@ -25,8 +25,7 @@ RUNS, RUN_LENGTH = 3, 8
 # A textured pixel is lost where forward and backward flow miss each other by this much, or where the image moved back hardly
 # correlates with the reference. Measured on speckle, dots and drawn particles: flow that is right has at most 1 % of such
 # pixels, flow with 2 % of its pixels wrong has 3.5 % and more (docs/flow.md).
-APART_PX, APART_SHARE = 3.0, 0.25  # of the flow's length, whichever is larger
-LEAST_CORRELATION = 0.5
+APART_PX, APART_SHARE, LEAST_CORRELATION = 3.0, 0.25, 0.5  # share: of the flow's length, whichever is larger
 # standard deviation of an image over the reference's, above which its texture is not counted
 CONTRAST_KEPT = 0.5
 WINDOW_PX = 17  # side of the square in which images are correlated

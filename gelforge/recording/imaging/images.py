@@ -12,9 +12,10 @@ from gelforge.config import Session
 from gelforge.input_files import NotAFile, regular_file
 from gelforge.recording.tables.checks import RecordingError
 
-ORIENTATION = 0x0112  # the tag 0x0112 of EXIF; a phone or camera sets it by how it is held
+# the tag Orientation (TIFF 6.0, 1992), as in EXIF; a phone or camera sets it by how it is held
+ORIENTATION = 0x0112
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk's name and checksum; a truncated PNG lacks it
-JPEG_END, JPEG_TAIL = b"\xff\xd9", 4096  # the end marker; cameras pad what follows
+JPEG_END, JPEG_TAIL = b"\xff\xd9", 4096  # the marker EOI (ITU-T T.81, 1992); cameras pad what follows
 
 
 def image_path(folder: str | Path, name: str) -> Path:

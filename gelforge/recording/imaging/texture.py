@@ -16,14 +16,17 @@ NOISE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
 
 # Untouched dots do not move in any light, stripes are no texture, speckle is (tests/recording/test_texture.py):
 NOISE_PX = 16  # side of the squares among which the smoothest show the noise
+# of these squares: most of a dotted image is smooth, and the lowest lie a fifth below the mean
+# (tests/recording/test_texture.py)
 NOISE_PERCENTILE = 2.0
-# rounding to whole grey levels; a camera's own at most: above it the smoothest squares show texture
+# Rounding to whole grey levels leaves 1 / sqrt(12) = 0.29; a camera's own at most: above it the smoothest squares show
+# texture. Noise of 1 to 3.5 is found to a quarter (tests/recording/test_texture.py).
 NOISE_GREY = 0.3, 4.0
-BLUR_PX = 1.0  # before gradients are taken
-# Smaller eigenvalue of the gradients' mean product, over the noise's variance. Noise alone gives 0.02, its largest squares
-# 0.03; particles and dots of 20 grey levels under noise of 2 give 10 and more.
+# Smaller eigenvalue of the gradients' mean product, over the noise's variance. Measured under noise of 2 grey levels: noise
+# alone has 0.03, 0.06 at most; dots of 20 grey levels have 2 to 4, speckle 20.
 LEAST_RATIO = 0.1
-# of texture in the weighted neighbourhood, below which the flow that stands in falls to zero
+# Of texture in the weighted neighbourhood, below which the flow that stands in falls to zero: between dots it is far above
+# (tests/recording/test_texture.py).
 FAR_SHARE = 1e-4
 
 
@@ -37,7 +40,7 @@ def noise_grey(image: np.ndarray) -> float:
 
 def textured(image: np.ndarray, patch_px: int) -> np.ndarray:
     """Return (H, W) bool: the pixels of which every square of patch_px that covers them shows texture in two directions."""
-    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), BLUR_PX)
+    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.0)
     step = np.array([[-0.5, 0, 0.5]], np.float32)
     along, down = cv2.filter2D(smooth, -1, step), cv2.filter2D(smooth, -1, step.T)
     xx, xy, yy = (

@@ -14,7 +14,7 @@ from gelforge.progress import tracked
 from gelforge.recording.imaging.flow import ImageError, read_grey
 from gelforge.recording.imaging.frames import SUFFIXES, images_in
 
-# Of a ChArUco board that is seen in part: the 4 that a plane's homography needs, twice over.
+# Of a ChArUco board that is seen in part: the 4 that a plane's homography needs (Zhang 2000), twice over.
 LEAST_CORNERS = 8
 SEARCH = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_NORMALIZE_IMAGE
 

@@ -16,10 +16,19 @@ from gelforge.recording.optics.remap import places_in
 
 # Drawn boards and what they determine: `python benchmarks/cameras.py`:
 LEAST_IMAGES = 5  # three determine the intrinsics of a noiseless board; OpenCV asks for ten
-LARGEST_RMS_PX = 1.0  # corners are found to a tenth of a pixel; more is a wrong model, a bent board or motion
-LARGEST_FOCAL_SD = 0.02  # of the focal length; parallel boards leave ten times that and more
-CELLS, LEAST_COVERED = 5, 0.6  # the image in 5 x 5 parts: a distortion holds where corners were
-OUTLIER, LEAST_OUTLIER_PX = 4.0, 0.5  # an image's error over the median one, and at least [px]
+# Corners of drawn boards leave a tenth of a pixel; more is a wrong model, a bent board or motion. Corners that are off by 2
+# px are refused (tests/recording/test_calibration.py).
+LARGEST_RMS_PX = 1.0
+# Of the focal length: parallel boards leave more and are refused, tilted ones leave less than a pixel
+# (tests/recording/test_calibration.py).
+LARGEST_FOCAL_SD = 0.02
+# The image in 5 x 5 parts: a distortion holds where corners were. Corners in the middle of a larger image are refused
+# (tests/recording/test_calibration.py).
+CELLS, LEAST_COVERED = 5, 0.6
+# An error over the median one, beyond which it is left out: of normal errors along both axes one in 2^16 = 65,536 is 4 times
+# their median length (Rayleigh 1880).
+OUTLIER = 4.0
+LEAST_OUTLIER_PX = 0.5  # an image's error that is left out, at least
 
 
 @dataclass(frozen=True)

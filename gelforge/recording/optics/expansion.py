@@ -9,7 +9,6 @@ from scipy.optimize import least_squares
 # of the profiles over the radius; how far they reach, as a share of the image's smaller side
 KNOTS, REACH = 7, 0.5
 LEAST_PX = 0.3  # the largest flow of a block that says where it is
-BLOCKS = 40  # along the larger side
 
 
 def centre_of_expansion(flow: np.ndarray, vanishing_px: np.ndarray | None) -> np.ndarray | None:
@@ -41,7 +40,7 @@ def centre_of_expansion(flow: np.ndarray, vanishing_px: np.ndarray | None) -> np
 
 def _blocks(flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the middles (B, 2) [px] and the mean flow (B, 2) of square blocks; a rest at the border is left out."""
-    side = max(1, max(flow.shape[:2]) // BLOCKS)
+    side = max(1, max(flow.shape[:2]) // 40)
     rows, columns = flow.shape[0] // side, flow.shape[1] // side
     trimmed = flow[: rows * side, : columns * side].reshape(rows, side, columns, side, 2)
     u, v = np.meshgrid(np.arange(columns), np.arange(rows))

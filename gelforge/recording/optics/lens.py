@@ -21,7 +21,6 @@ import numpy as np
 
 from gelforge.config import Distortion
 
-STEPS = 50  # of Newton's method; 5 suffice for a lens in use
 CLOSE = 1e-13  # of a normalised coordinate: 1e-10 px at a focal length of 1000 px
 
 
@@ -90,7 +89,7 @@ def _pinhole(lens: Distortion, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _pinhole_inverse(lens: Distortion, seen: np.ndarray) -> np.ndarray:
     xy = seen.copy()
     with np.errstate(all="ignore"):  # what runs away is refused below
-        for _ in range(STEPS):
+        for _ in range(50):  # 5 suffice for a lens in use
             at, J = _pinhole(lens, xy)
             miss = seen - at
             det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] ** 2
@@ -120,7 +119,7 @@ def _fisheye_inverse(lens: Distortion, seen: np.ndarray) -> np.ndarray:
     radius = np.linalg.norm(seen, axis=-1)
     theta = radius.copy()
     with np.errstate(all="ignore"):
-        for _ in range(STEPS):
+        for _ in range(50):  # 5 suffice for a lens in use
             factor, by_s = _factor(lens, theta)
             miss = radius - theta * factor
             theta = theta + miss / (factor + 2 * theta**2 * by_s)

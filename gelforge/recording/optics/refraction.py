@@ -10,8 +10,6 @@ import numpy as np
 
 from gelforge.config import Port
 
-STEPS = 60  # of Newton's method; from below it rises to the root, in 6 steps at usual slopes
-
 
 def sideways(port: Port, slope: np.ndarray, from_z_mm: float, to_z_mm: np.ndarray) -> np.ndarray:
     """Return how far sideways (...) [mm] a ray of this slope in air goes between two heights [mm]."""
@@ -25,7 +23,8 @@ def air_slope(port: Port, away_mm: np.ndarray, from_z_mm: float, to_z_mm: np.nda
     """
     path = _path(port, from_z_mm, to_z_mm)
     t = np.zeros_like(away_mm)
-    for _ in range(STEPS):
+    # Newton's method rises from below to the root, in 6 steps at usual slopes
+    for _ in range(60):
         miss = away_mm - sum(h * _slope_in(n, t) for h, n in path)
         step = miss / sum(h * n**2 / (n**2 + (n**2 - 1) * t**2) ** 1.5 for h, n in path)
         t = t + step

@@ -6,6 +6,7 @@ import numpy as np
 
 # Lags of SYNTHETIC logs are found within 5 ms (tests/importing/test_clocks.py):
 BEND_S, BEND_STEP_S = 0.08, 0.002  # around a coarse lag, in which a bend is looked for
+WINDOW_S = 0.35  # of the signal on each side of a bend: lags are then found within 5 ms (tests/importing/test_clocks.py)
 LEAST_SAMPLES = 4  # on each side
 RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
 MOST_SAMPLES = 200  # of a bend's window or a ramp: a faster log is averaged over neighbours

@@ -27,8 +27,15 @@ COLUMNS = [
     "found",
     "remedy",
 ]
-MOST = 0.5  # of a session's indentations without one channel: what is left says little about the session
-NAMED = 3  # indentations that one line names; the table holds all (no result depends on it)
+# Of a finding by chance alone in an honest channel: none of 37 kinds of honest sessions, three channels each, has one
+# (tests/recording/test_plausibility.py).
+CHANCE = 1e-6
+# Of neighbouring readings, to know how often two are equal: where none of 10 pairs is, fewer than 31 % are (95 % interval
+# of Clopper and Pearson 1934).
+LEAST_PAIRS = 10
+# Of a session's indentations without one channel: what is left says little about the session. 12 dead ones of 15 are an
+# error, 5 are left out (tests/recording/test_plausibility.py).
+MOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -163,8 +170,8 @@ def _line(group: list[Finding]) -> str:
         dict.fromkeys(finding.press for finding in group)
     )  # of an indentation several images may be found
     if len(names) > 1:
-        more = ", ..." if len(names) > NAMED else ""
-        count = f"; {len(names)} indentations in all: {', '.join(names[:NAMED])}{more}"
+        more = ", ..." if len(names) > 3 else ""
+        count = f"; {len(names)} indentations in all: {', '.join(names[:3])}{more}"
     left_out = f"; {worst.channel} left out there" if worst.level == "excluded" else ""
     return f"{where + ': ' if where else ''}{worst.channel} {worst.found}{limit}{count}{left_out}; {worst.remedy}"
 

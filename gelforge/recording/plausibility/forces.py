@@ -21,17 +21,30 @@ AXES = np.array(["fx", "fy", "fz"])
 # (tests/recording/test_plausibility.py):
 # Floors: resolution, repeatability and scatter of one reading together (`floor_N`).
 TARED_FLOORS = 5.0  # a mean of zero rows this far from zero is no noise
-TARED_SHARE = 0.01  # of the session's largest force: less does not decide how large a force is
+# of the session's largest force: no more than a force sensor of class 1 errs by (ISO 7500-1:2018)
+TARED_SHARE = 0.01
 TARED_INDENTATIONS = 0.1  # of a session: fewer are single failures
-STEP_SHARE = 0.2  # of the force at depth: what touches earlier is adhesion or the scatter of depth zero
-# above the surface by more than this, or four standard deviations of depth zero, nothing touches
+# Of the force at depth: what touches earlier is adhesion or the scatter of depth zero. Zero rows with the force at depth
+# are found, a surface 0.1 mm too high and adhesion as large as the force pass (test_plausibility.py).
+STEP_SHARE = 0.2
+# Above the surface by more than this, or four standard deviations of depth zero, nothing touches: depth zero that is 0.1 mm
+# too deep passes (test_plausibility.py).
 CLEAR_MM = 0.1
-SILENT_FLOORS = 5.0  # as TARED_FLOORS
-SILENT_SHARE = 0.1  # of the session's usual force at that depth: softer than that is no site of one sensor
-SAME_WAY = 0.9  # share of indentations that push one way: a channel that answers nothing has half of its noise either way
-OFF_MM = 0.05  # depth zero may be off by this, or by three times its stated scatter
-DEEPER = 1.5  # depths that are compared: one this many times the other
-FALLS_TO = 0.4  # of a force in proportion to depth, the least that a gel shows: softening and ageing take less than 60 %
+SILENT_FLOORS = TARED_FLOORS
+# Of the session's usual force at that depth: softer than that is no site of one sensor. Sites of 0.4 to 1.6 times the usual
+# stiffness pass, one without an answer is found (test_plausibility.py).
+SILENT_SHARE = 0.1
+# Share of indentations that push one way: noise pushes half of them either way, so many of 15 once in 1,000 sessions. Noise
+# alone is refused, seven shallow indentations and a deep one pass (test_plausibility.py).
+SAME_WAY = 0.9
+# Depth zero may be off by this, or by three times its stated scatter: 0.05 mm too high passes in honest sessions of any
+# mixture (test_plausibility.py).
+OFF_MM = 0.05
+# depths that are compared: one this many times the other, as 1.2 mm to 0.8 mm in test_plausibility.py
+DEEPER = 1.5
+# Of a force in proportion to depth, the least that a gel shows: softening and ageing take less than 60 %. A gel that
+# softens by 40 % passes, an indentation with 5 % of its force is found (test_plausibility.py).
+FALLS_TO = 0.4
 GROWING_FLOORS = 10.0  # the floor is then a tenth of the force
 
 

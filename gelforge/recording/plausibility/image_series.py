@@ -17,12 +17,13 @@ from gelforge.robust import SIGMA_OF_MEDIAN
 
 # Of 14 kinds of honest SYNTHETIC images each passes, and each fault is found (tests/recording/test_image_plausibility.py):
 LEAST_TEXTURE = 0.1  # of the reference's textured pixels; black, white and badly blurred images show none
-LEAST_LIGHT = 0.1  # of the reference frame's mean grey level
+# Of the reference frame's mean grey level: a session at 0.3 of the light passes, one at a hundredth is refused
+# (test_image_plausibility.py).
+LEAST_LIGHT = 0.1
 LEAST_SPREAD_PX = 0.003  # the search itself repeats no better
 # Where no flow was measured: a pressed surface moves sideways by more than a fiftieth of the depth, and no image shows more
 # than 100 mm.
-LEAST_MOTION = 0.02
-WIDEST_MM = 100.0
+LEAST_MOTION, WIDEST_MM = 0.02, 100.0
 
 
 @dataclass(frozen=True)

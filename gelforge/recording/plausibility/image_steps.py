@@ -7,10 +7,17 @@ import pandas as pd
 
 # Of 14 kinds of honest SYNTHETIC images each passes, and each fault is found (tests/recording/test_image_plausibility.py):
 MOST_STEPS = 3  # images that a buffer holds back
-LEAST_IMAGES = 8  # for a correlation to say something
-FITS, BETTER = 0.8, 0.3  # correlation of flow and depth at a shift, and by how much it beats that as recorded
-LEAST_FIT = 0.3  # as recorded; a camera that sees a fifth of the indentations reaches it
-DEPTHS_DIFFER = 0.2  # standard deviation of depths over the largest; of less variety no correlation is asked
+# for a correlation to say something: of 8 unrelated images it exceeds FITS in 1 % (Fisher 1915)
+LEAST_IMAGES = 8
+# Correlation of flow and depth at a shift, and by how much it beats that as recorded: frames one or two images late are
+# refused with their lag (test_image_plausibility.py).
+FITS, BETTER = 0.8, 0.3
+# As recorded; a camera that sees a fifth of the indentations reaches it, images of other rows do not
+# (test_image_plausibility.py).
+LEAST_FIT = 0.3
+# Standard deviation of depths over the largest; of less variety no correlation is asked: sessions of one depth pass
+# (test_image_plausibility.py).
+DEPTHS_DIFFER = 0.2
 
 
 def lag(table: pd.DataFrame, depth: pd.Series) -> str:

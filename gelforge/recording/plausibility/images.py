@@ -17,20 +17,37 @@ from gelforge.recording.plausibility.image_steps import lag
 
 # Of 14 kinds of honest SYNTHETIC images each passes, and each fault is found (tests/recording/test_image_plausibility.py):
 DARK, BRIGHT = 10.0, 245.0  # mean grey levels that are called black and white
-EXPOSURE_STEP = 0.15  # lamps warm by less from one image to the next, and pressing shades less
-LIGHT_IMAGES = 11  # in the running median of the light where an indentation has no image before contact
-# relative brightness that misleads the flow; of the untouched images that show it
+# Lamps warm by less from one image to the next, and pressing shades less: light that fades by a fifth in 18 images passes,
+# an image of 0.7 times the light is left out, 0.75 in all is refused (test_image_plausibility.py).
+EXPOSURE_STEP = 0.15
+# Relative brightness that misleads the flow; of the untouched images that show it. Bands of 50 % are refused, dark corners
+# pass (test_image_plausibility.py).
 BANDS, BANDED_SHARE = 0.3, 0.1
-BEFORE_SHARE = 0.5  # of the flow under load: images before contact that move more do not stand still
-ONE_BEFORE_SHARE = 0.3  # of the flow under load, of a single image
-SPREADS = 6.0  # robust standard deviations of the untouched images' flow, beyond which one is no accident
-MOVES_PX = 0.1  # a session whose images move by less is judged by its answer alone
+# Of the flow under load: images before contact that move more do not stand still. Frames one image late are refused
+# (test_image_plausibility.py).
+BEFORE_SHARE = 0.5
+# Of the flow under load, of a single image: one of another indentation at depth is left out (test_image_plausibility.py).
+ONE_BEFORE_SHARE = 0.3
+# Robust standard deviations of the untouched images' flow, beyond which one is no accident: of normal noise one in 500
+# million; 14 kinds of honest images pass (test_image_plausibility.py).
+SPREADS = 6.0
+# A session whose images move by less is judged by its answer alone, as one of 0.005 px in test_image_plausibility.py.
+MOVES_PX = 0.1
 GROWS = 1.1  # depths whose ratio is less do not have to differ
-LEAST_GROWTH = 0.7  # of the flow at a shallower depth of the same place, below which the deeper has lost it
-ALIKE = 2.0  # ratio of flows of one indentation's images at one depth, beyond which one is of another row
-LEAST_LEVELS = 16  # between the reference frame's darkest and brightest thousandth
-MOST_LOST = 0.02  # of the textured pixels; see `image_measures`
-REPEAT_PX = 0.1  # expected motion below which two noiseless images may be equal
+# Of the flow at a shallower depth of the same place, below which the deeper has lost it: an untouched image at the deepest
+# depth is left out (test_image_plausibility.py).
+LEAST_GROWTH = 0.7
+# Ratio of flows of one indentation's images at one depth, beyond which one is of another row: one late image of five is
+# left out, with relaxation as small as in 14 honest kinds none (test_image_plausibility.py).
+ALIKE = 2.0
+# Between the reference frame's darkest and brightest thousandth: 12 bits saved as 16 have 256 / 16 levels
+# (test_image_plausibility.py).
+LEAST_LEVELS = 16
+# Of the textured pixels: right flow loses 1 % at most, flow with 2 % of wrong pixels 3.5 % and more (docs/flow.md).
+MOST_LOST = 0.02
+# Expected motion below which two noiseless images may be equal: 0.0001 mm deeper passes, a frozen frame is found
+# (test_image_plausibility.py).
+REPEAT_PX = 0.1
 
 
 def image_readable(series: ImageSeries) -> list[Finding]:
@@ -76,7 +93,7 @@ def image_exposure(series: ImageSeries) -> list[Finding]:
     """
     table = series.shown
     zero = table[table["phase"] == "zero"].groupby("press")["gain"].mean()
-    around = table["gain"].rolling(LIGHT_IMAGES, center=True, min_periods=1).median()
+    around = table["gain"].rolling(11, center=True, min_periods=1).median()
     usual = table["press"].map(zero).astype(float).fillna(around)
     step = (table["gain"] / usual - 1).abs()
     held = table["phase"] != "zero"

@@ -16,7 +16,8 @@ from gelforge.robust import SIGMA_OF_MEDIAN
 # (tests/recording/test_plausibility.py):
 # of force over depth: a flat punch has 1, a ball on a thick gel 1.5, on a thin one 2 and more
 EXPONENTS = 0.8, 2.5
-STEP_FLOORS, LEAST_FLOORS, ISOLATED = 15.0, 8.0, 3.0  # see isolated_floors
+# See isolated_floors: heavy tails pass, and digits lost below them are found where they stand alone (test_plausibility.py).
+STEP_FLOORS, LEAST_FLOORS, ISOLATED = 15.0, 8.0, 3.0
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from gelforge.config import ForceSensor
+from gelforge.recording.plausibility.findings import CHANCE, LEAST_PAIRS
 from gelforge.recording.plausibility.indentations import force_over_depth, scatter_N
 
 RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
@@ -16,13 +17,17 @@ RAW = ["fx_raw_N", "fy_raw_N", "fz_raw_N"]
 # Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
 # (tests/recording/test_plausibility.py):
 SHORTEST = 3  # rows of a run whose force should change
-SHORTEST_OF_NOISE = 8  # rows of a run that is too even for the channel's own noise
-CHANCE = 1e-6  # of such a run in the whole session, by the channel's own share of equal neighbours
+# Rows of a run that is too even for the channel's own noise: so many of 400 come below CHANCE only where fewer than 6 % of
+# neighbours are equal. A sideways axis that freezes is found (test_plausibility.py).
+SHORTEST_OF_NOISE = 8
 EXPECTED = 0.5  # of the session's usual change between two depths: what any site shows of it
-STEPS = 3.0  # resolutions, and standard deviations, that the expected change must exceed
-STEPS_IN_TURN, IN_TURN = 1.5, 3  # the same where so many indentations in turn show no change
+# Resolutions, and standard deviations, that the expected change must exceed: of normal noise one in 370 does. A channel
+# with steps of 60 mN passes (test_plausibility.py).
+STEPS = 3.0
+# The same where so many indentations in turn show no change: a channel with steps of 60 mN that dies is found
+# (test_plausibility.py).
+STEPS_IN_TURN, IN_TURN = 1.5, 3
 CHANCE_ROWS = 2  # so many rows of an indentation at one depth may belong to a run by chance, at its ends
-LEAST_PAIRS = 10  # neighbours outside a run, to know the channel's noise
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import beta, binom
 
-from gelforge.recording.plausibility.findings import Finding, force_left_out, mostly
+from gelforge.recording.plausibility.findings import CHANCE, LEAST_PAIRS, Finding, force_left_out, mostly
 from gelforge.recording.plausibility.indentations import scatter_N
 from gelforge.recording.plausibility.repeats import RAW
 
@@ -16,14 +16,19 @@ if TYPE_CHECKING:
     from gelforge.recording.plausibility.session import SessionData
 
 # Clipped SYNTHETIC channels are found; coarse, noisy and quiet ones pass (tests/recording/test_saturation.py):
-CHANCE = 1e-6  # of so many readings, or indentations, at exactly the largest value of an honest channel
-LEAST_PAIRS = 10  # of neighbours, to know how often two readings are equal; and of levels, to know their step
 LEAST_PRESSES = 3  # of a depth, to know how often two sites read the same
-STEPS_APART, APART_SHARE = 2, 0.02  # noise beyond rounding: so large a share differs by so many steps
-# of the channel, with the scatter of a reading, by which a force has to be beyond the largest value
+# Noise beyond rounding: so large a share differs by so many steps. Noise of less than a tenth of a step of 0.05 N passes
+# (test_saturation.py).
+STEPS_APART, APART_SHARE = 2, 0.02
+# Of the channel, with the scatter of a reading, by which a force has to be beyond the largest value: 3 standard deviations.
+# A channel that stops at 35 % of its largest force is found, a gel that levels off passes (test_saturation.py).
 STUCK_STEPS = 3.0
-SPREAD_STEPS = 4  # steps of the channel between sites; less and rounding alone makes them equal
-MARGIN = 2.0  # on the share of sites that read the same by chance
+# Steps of the channel between sites; less and rounding alone makes them equal, as sites that differ by 2 % on steps of 0.02
+# N (test_saturation.py).
+SPREAD_STEPS = 4
+# On the share of sites that read the same by chance: of a normal distribution 0.399 x 2.56 step / spread at most fall into
+# one step, twice that is allowed; steps of 0.05 N pass (test_saturation.py).
+MARGIN = 2.0
 
 
 def force_saturates(data: SessionData) -> list[Finding]:

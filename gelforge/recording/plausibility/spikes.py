@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # (tests/recording/test_plausibility.py):
 # of the largest force towards the gel of the indentation's other readings: less is stick and slip
 SPIKE_SHARE = 0.2
-# as of `mechanics.friction`: sideways over what pushes or pulls where the contact is weak
+# as of `mechanics.friction` (docs/configuration.md): sideways over what pushes or pulls where the contact is weak
 LARGEST_FRICTION = 2.0
 
 

@@ -19,13 +19,18 @@ FORCE = ["fx_N", "fy_N", "fz_N"]
 # (tests/recording/test_plausibility.py):
 WINDOW_S = 0.02  # samples this far from a reading are averaged: less than a camera's frame time
 FEW = 3  # samples of a mean
-# samples farther apart than this many periods of the log enclose a gap: one or two lost are none
+# Samples farther apart than this many periods of the log enclose a gap: one or two lost are none. A clock with a jitter of
+# 0.9 periods passes, 0.8 s without samples are found (test_plausibility.py).
 GAP_PERIODS = 3.0
 # the period is this quantile of the steps, so that a log that slows down while idle has no gaps
 SLOW_SHARE = 0.9
 SLOWEST = 10.0  # but at most so many times the median step, so that many gaps do not hide each other
-COARSEST_TICK_S = 0.1  # of a clock whose samples share stamps: the time between two dwell readings
-ENDS_S = 1.0  # readings farther than this before or after the whole log: its clock is another
+# Of a clock whose samples share stamps: the time between two dwell readings. Stamps of 10 ms are spread, whole seconds are
+# refused (test_plausibility.py).
+COARSEST_TICK_S = 0.1
+# Readings farther than this before or after the whole log: its clock is another. A log that ends before the session is
+# refused (test_plausibility.py).
+ENDS_S = 1.0
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,14 @@ from gelforge.indentation.sensor.stage_frame import first_outside
 # An indentation runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}
 
-# Wrong units, clocks and orders are refused, right neighbours read in `python -m benchmarks.faults inputs`:
-DEPTH_MM = (0.02, 30.0)  # deepest indentation of a session: below it is metres, above it micrometres
-FORCE_N = 100.0  # no soft gel bears more at these depths; above it is millinewtons
-# Between time_s and dwell_s: a dwell rounded to seconds stays within, milliseconds do not
+# Deepest indentation of a session: below it is metres, above it micrometres. Wrong units, clocks and orders are refused,
+# right neighbours read (benchmarks/faults.py, inputs).
+DEPTH_MM = (0.02, 30.0)
+# No soft gel bears more at these depths; above it is millinewtons: forces 1000 times too large are refused
+# (benchmarks/faults.py, inputs).
+FORCE_N = 100.0
+# Between time_s and dwell_s: a dwell rounded to seconds stays within, milliseconds do not: times 1000 times too large are
+# refused (benchmarks/faults.py, inputs).
 CLOCK_RATIO = 30.0
 
 

@@ -20,8 +20,6 @@ from gelforge.report.figures.style import (
 )
 from gelforge.robust import SIGMA_OF_MEDIAN
 
-LEAST_PX = 1e-3  # drawn at least: images without noise have no false flow (no result depends on it)
-
 
 def flow_table(columns: dict[str, np.ndarray]) -> pd.DataFrame:
     """Return one row per image of a session: depth_mm (0 before contact), flow_px, lost (bool), press."""
@@ -79,6 +77,7 @@ def tell_flow_floor(chapter: Chapter, results: StudyResults) -> None:
 def floor_figure(tables: dict[str, pd.DataFrame]) -> Figure:
     """Return the flow of each image over depth next to the false flow, one panel per session."""
     shown = dict(list(tables.items())[:MOST_PANELS])
+    least_px = 1e-3  # drawn at least: images without noise have no false flow
     figure, axes = new_figure(1.2 + 3.2 * len(shown), 2.9, ncols=len(shown), sharey=True)
     for ax, (name, table) in zip(axes[0], shown.items()):
         held = table[table["depth_mm"] > 0]
@@ -86,22 +85,22 @@ def floor_figure(tables: dict[str, pd.DataFrame]) -> Figure:
         false, _ = false_flow_px(table)
         if np.isfinite(false):
             largest = table["flow_px"][table["depth_mm"] == 0].max()
-            ax.axhspan(0, max(largest, LEAST_PX), color=FAINT, alpha=0.35, lw=0)
-            ax.axhline(max(false, LEAST_PX), color="#777777", lw=1, label="untouched")
+            ax.axhspan(0, max(largest, least_px), color=FAINT, alpha=0.35, lw=0)
+            ax.axhline(max(false, least_px), color="#777777", lw=1, label="untouched")
         for lost, colour, marker, label in (
             (False, SIMULATED, "o", "pressed"),
             (True, PREDICTED, "x", "lost"),
         ):
             part = held[held["lost"] == lost]
             if len(part):
-                flow = part["flow_px"].clip(lower=LEAST_PX)
+                flow = part["flow_px"].clip(lower=least_px)
                 ax.plot(part["depth_mm"], flow, marker, ms=3.5, color=colour, alpha=0.7, label=label)
         ax.set_yscale("log")
         ax.set_xlim(left=0)
         ax.set(title=name, xlabel="depth [mm]")
         ax.legend(loc="upper left")
-    low = min(table["flow_px"].clip(lower=LEAST_PX).min() for table in shown.values())
+    low = min(table["flow_px"].clip(lower=least_px).min() for table in shown.values())
     high = max(table["flow_px"].max() for table in shown.values())
-    axes[0, 0].set_ylim(0.5 * low, 20 * max(high, LEAST_PX))  # room for the legends
+    axes[0, 0].set_ylim(0.5 * low, 20 * max(high, least_px))  # room for the legends
     axes[0, 0].set_ylabel("flow, rms over the image [px]")
     return figure

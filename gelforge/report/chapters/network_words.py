@@ -9,13 +9,14 @@ from gelforge.report.chapters.chapter import millinewtons, newtons
 
 CLEARLY = 0.9  # of the best baseline's error: closer is a tie
 WORSE = 1.5  # times the other classes' error, next to which a class stands out
-# RMSES z on test rows over that on training rows. Above OVERFIT most of the squared error is of places that were not learnt.
-# Below UNDERFIT the network errs on what it has seen as on what it has not: it has not fitted it. Above it more steps may
-# still help. The U-Net on the demo's rows: 1.00 after 480 steps, 1.09 after 960, 1.19 after 2,000, 1.52 after 6,000, with
-# errors on test rows of 11.9, 4.8, 3.7 and 3.0 mN.
+# RMSES z on test rows over that on training rows. Above OVERFIT most of the squared error is of places that were not
+# learnt. Below UNDERFIT the network errs on what it has seen as on what it has not: it has not fitted it. Above it more
+# steps may still help. Measured with the U-Net on the demo's rows: 1.00 after 480 steps, 1.09 after 960, 1.19 after 2,000,
+# 1.52 after 6,000, with errors on test rows of 11.9, 4.8, 3.7 and 3.0 mN.
 OVERFIT, UNDERFIT = 2.0, 1.1
-# A loss that is less in the last tenth of the steps than this share of that in the tenth before still falls. Asked where the
-# step size is steady: one that falls to zero flattens any curve (0.89 to 1.04 after 120 to 6,000 steps, whatever is left).
+# A loss that is less in the last tenth of the steps than this share of that in the tenth before still falls. Asked where
+# the step size is steady: one that falls to zero flattens any curve (measured: 0.89 to 1.04 after 120 to 6,000 steps,
+# whatever is left).
 FALLING = 0.95
 HELD = (0.85, 0.97)  # shares inside 90 % intervals that a few validation orbits allow
 

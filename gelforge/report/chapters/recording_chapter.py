@@ -7,7 +7,6 @@ import pandas as pd
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import StudyResults
 
-NAMES = 20  # of indentations in a sentence; the sessions' tables have all (no result depends on it)
 KIND = ["session", "level", "test", "channel", "remedy"]  # what findings of one kind share
 
 
@@ -25,8 +24,8 @@ def recordings(results: StudyResults) -> Chapter:
     for channel in ("force", "image"):
         presses = excluded[excluded["channel"] == channel].drop_duplicates(["session", "press"])
         names = [f"{session} {press}" for session, press in zip(presses["session"], presses["press"])]
-        more = f" and {len(names) - NAMES} more" if len(names) > NAMES else ""
-        many = f"{count(len(names), 'indentation')}: {', '.join(names[:NAMES])}{more}"
+        more = f" and {len(names) - 20} more" if len(names) > 20 else ""
+        many = f"{count(len(names), 'indentation')}: {', '.join(names[:20])}{more}"
         chapter.say(f"Left out: {channel} of {many}." if names else f"No {channel} is left out.")
     if len(findings):
         chapter.tabulate(

@@ -8,8 +8,6 @@ import pandas as pd
 # How much a figure shows, on which no result depends:
 CURVE_SITES = 8  # that make a curve over depth together
 MAP_SITES = 5  # whose mean stands at each place of a map
-DEPTHS = 8  # classes of depths, where few rows share one
-FEW = 3  # rows of one depth whose statistics say nothing
 
 
 def one_depth_each(sites: pd.Series, depths_mm: pd.Series) -> bool:
@@ -33,13 +31,13 @@ def pooled_means(positions_mm: np.ndarray, values: np.ndarray) -> np.ndarray:
 def depth_classes(depths_mm: pd.Series) -> tuple[pd.Series, dict[float, str]]:
     """Return for each depth the mean depth [mm] of its class, and each class's name by it.
 
-    Every depth is a class of its own, unless most depths have fewer than FEW rows: then DEPTHS classes have equally many.
+    Every depth is a class of its own, unless most depths have fewer than 3 rows: then 8 classes have equally many.
     """
     depth = depths_mm.astype(float).round(3)
     number = depth.value_counts()
     levels = np.sort(number.index.to_numpy())
-    few = len(levels) > DEPTHS and float(number.median()) < FEW
-    groups = np.array_split(levels, DEPTHS) if few else [levels[k : k + 1] for k in range(len(levels))]
+    few = len(levels) > 8 and float(number.median()) < 3
+    groups = np.array_split(levels, 8) if few else [levels[k : k + 1] for k in range(len(levels))]
     means = [float(group[0] if len(group) == 1 else depth[depth.isin(group)].mean()) for group in groups]
     mean_of = {level: mean for group, mean in zip(groups, means) for level in group}
     names = {mean_of[g[0]]: f"{g[0]:g}" if len(g) == 1 else f"{g[0]:g} to {g[-1]:g}" for g in groups}

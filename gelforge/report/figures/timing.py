@@ -9,7 +9,6 @@ import pandas as pd
 
 from gelforge.indentation.cells.cell_file import read_timings
 
-WAITING_MB = 40.0  # at most, of a process that waits for its fork (11 MB) and has imported no numerical library (60 MB)
 CELL_STAGE, TRUTH_STAGE = "cells", "virtual_truth"
 
 
@@ -29,7 +28,8 @@ def stage_times(results: str | Path, cells: set[str], truth: Path | None = None)
         product = truth / job.name if truth and parents == (TRUTH_STAGE,) else Path(results) / job
         stage = parents[0] if parents else CELL_STAGE if path.stem in cells else path.stem
         memory = pd.to_numeric(table.get("max_rss", pd.Series(dtype=float)), errors="coerce")
-        memory = memory[memory > WAITING_MB].max()
+        # MB: between a process that waits for its fork (11) and one that has imported a numerical library (60)
+        memory = memory[memory > 40.0].max()
         memory_MB = read_timings(product).get("peak_memory_MB", np.nan)
         rows.append((stage, float(table["s"].sum()), float(np.fmax(memory, memory_MB))))
     jobs = pd.DataFrame(rows, columns=["stage", "seconds", "memory_MB"])

@@ -20,7 +20,6 @@ from gelforge.report.verdict.mismatch_words import filled, in_unit, p_text, pret
 
 FOLDER = "mismatch"  # of a study's verdict, in its results folder
 WHERE = {"words": "pattern", "snr": "signal over noise", "p": "chance"}
-MOST_LIMITS = 10  # effects in the table of the page (no result depends on it)
 # What a laboratory asks for first: materials, contact point, force sensor, geometry.
 FIRST = (
     *("gel_stiffness", "skin_stiffness", "friction", "contact_zero", "layer_thickness", "force_gain"),
@@ -101,7 +100,7 @@ def limits(results: MismatchResults) -> Chapter:
         chapter.tabulate(
             f"The smallest value that these readings would show, and a plausible one. Of {len(detectable)} plausible values"
             f" {hidden} would stay hidden; {LIMITS} has all.",
-            pd.DataFrame([_limit_row(name, detectable) for name in names[:MOST_LIMITS]]),
+            pd.DataFrame([_limit_row(name, detectable) for name in names[:10]]),
         )
     if not chapter.blocks:
         chapter.say("Nothing is known to be out of reach.")

@@ -23,7 +23,6 @@ FILE_MB = 100
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 # LeRobot's DEFAULT_CHUNK_SIZE (lerobot/datasets/utils.py).
 CHUNK_FILES = 1000
-SMALL = 10  # entries of columns whose statistics stand by episode too; of larger ones they would outweigh the data
 WRENCH = ["fx_N", "fy_N", "fz_N", "mx_Nmm", "my_Nmm", "mz_Nmm"]
 # name in LeRobot, column of the rows, names of its entries
 TAKEN = (
@@ -142,7 +141,8 @@ def _counted(
         counted = {}
         for name, variable in variables.items():
             of_all[name].add(block[name])
-            if variable.kind == "image" or np.prod(variable.shape) <= SMALL:
+            # of larger columns statistics by episode would outweigh the data
+            if variable.kind == "image" or np.prod(variable.shape) <= 10:
                 of_episode = _Statistics(variable)
                 of_episode.add(block[name])
                 counted[name] = of_episode.summary()

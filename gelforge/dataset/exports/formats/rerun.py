@@ -17,7 +17,6 @@ from gelforge.recording.optics.camera import project
 
 PACKAGE = "rerun-sdk"  # of 170 MB: not in the extra
 FULL = 0.05  # N of a bin that is drawn as long as a bin is wide (no result depends on it)
-LEAST = 1e-4  # N: bins with less are not drawn (no result depends on it)
 USE = """\
 `rerun FOLDER/train.rrd` (or validation, test) opens the recording: the image with the force of each bin over it, the same
 in space, and the resultant over the rows. An arrow as long as a bin is wide is {full:g} N. In Python:
@@ -59,7 +58,7 @@ def _log(rr, recording, source: Source, press: Press, row: int) -> int:
     pixels_of = None if source.manifest["labels_only"] else _projection(source, press.name.split("/")[0])
     for i, forces in enumerate(rows["force_distribution_N"].astype(float)):
         recording.set_time("row", sequence=row + i)
-        drawn = np.abs(forces).max(axis=1) > LEAST
+        drawn = np.abs(forces).max(axis=1) > 1e-4  # N
         at, arrow = points[drawn], scale * forces[drawn]
         recording.log("sensor/forces", rr.Arrows3D(origins=at, vectors=arrow))
         recording.log("label/forces_3d", rr.Tensor(forces, dim_names=("bin", "axis")))

@@ -20,7 +20,8 @@ FIELDS = [  # of a wrench, as the messages of the one or the other schema name t
     ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
     ("wrench.force.x", "wrench.force.y", "wrench.force.z", "wrench.torque.x", "wrench.torque.y", "wrench.torque.z"),
 ]  # fmt: skip
-LEAST_S = 0.02  # an image and a wrench farther apart than half a frame of 30 per second are not of one moment
+# an image and a wrench farther apart than half a frame of 30 per second, 1/60 s, are not of one moment
+LEAST_S = 0.02
 
 
 def read(path: Path, options: Options) -> Iterator[Reading]:

@@ -15,9 +15,6 @@ from gelforge.mechanics.laws.model import Model
 from gelforge.mechanics.laws.parameters import GivenParameters
 from gelforge.section import Positive
 
-START_LIMITS = (1.02, 1.1, 1.5, 3.0, 10.0, 100.0)  # of Jm over the largest tested I_1 - 3
-LARGEST_LIMIT = 1e4  # of Jm over the largest tested I_1 - 3: the law is neo-Hookean long before
-
 
 def gent_point(constants, x, y):
     """Return W, W_1, W_2, W_11, W_12, W_22 [MPa] and the extension over its limit; constants mu [MPa], Jm."""
@@ -104,11 +101,12 @@ class GentFamily(Family):
     def bounds(self, points, stiffness):
         reached = np.log((points.I1 - 3).max())
         low = [np.log(stiffness * 1e-4), reached + np.log(1.001)]
-        return np.array(low), np.array([np.log(stiffness * 1e4), reached + np.log(LARGEST_LIMIT)])
+        # the law is neo-Hookean long before
+        return np.array(low), np.array([np.log(stiffness * 1e4), reached + np.log(1e4)])
 
     def starts(self, points, weight, stress, stiffness):
         reached, starts = (points.I1 - 3).max(), []
-        for factor in START_LIMITS:
+        for factor in (1.02, 1.1, 1.5, 3.0, 10.0, 100.0):  # of Jm over the largest tested I_1 - 3
             unit = weight * self.stress(points, np.array([0.0, np.log(factor * reached)]))[0]
             mu = max((unit @ (weight * stress)) / (unit @ unit), stiffness * 1e-3)
             misfit = np.linalg.norm(mu * unit - weight * stress)

@@ -17,7 +17,6 @@ from gelforge.mechanics.laws.model import Model
 from gelforge.mechanics.laws.parameters import GivenParameters
 
 START_EXPONENTS = (-16.0, -8.0, -4.0, -2.0, 1.0, 2.0, 3.0, 4.0, 8.0, 16.0)
-STARTS = 8  # the best combinations of start exponents are refined
 LARGEST_EXPONENT = 30.0
 SMALLEST_SHARE = 1e-9  # of a term in the stiffness
 MOST_TERMS = 4
@@ -202,7 +201,8 @@ class OgdenFamily(Family):
             g, misfit = optimize.nnls(R[:, list(chosen)], R[:, -1])
             ranked.append((misfit, chosen, g))
         starts = []
-        for _, chosen, g in sorted(ranked, key=lambda f: f[:2])[:STARTS]:
+        # the best combinations of start exponents are refined
+        for _, chosen, g in sorted(ranked, key=lambda f: f[:2])[:8]:
             g = np.maximum(g, 1e-4 * g.sum())  # a term that starts at nothing could not grow in ln g
             theta = np.column_stack([np.log(g), np.array(START_EXPONENTS)[list(chosen)]]).ravel()
             starts.append(np.clip(theta, *self.bounds(points, stiffness)))

@@ -39,7 +39,6 @@ TITLES = {
     "simple_shear": "Simple shear",
 }
 BESIDE = {"compression", "simple_shear"}  # without a standard test next to them, its empty panels say nothing
-SHOWN_STRETCH = (1.0, 2.0)  # where no test was made at all and the law stands alone (no result depends on it)
 OTHER_LAWS = [
     (PREDICTED, "--"),
     (PUBLISHED_LINEAR, "-."),
@@ -126,7 +125,7 @@ def _load_case(
         label = "specimens" if number == 0 else None
         ax.plot(group.stretch, group.cauchy_stress_kPa, color=PUBLISHED, lw=0.6, alpha=0.7, label=label)
     valid = (laws[0].valid_stretch or {}).get(test)
-    stretch = np.linspace(*(valid or (SHOWN_STRETCH[0], reach)), 200)
+    stretch = np.linspace(*(valid or (1.0, reach)), 200)
     mean = curves[(curves["sample"] == MEAN) & (curves.test == test)]
     for number, (m, colour, line) in enumerate(_drawn(laws)):
         style: Style = {
@@ -212,9 +211,7 @@ def _nominal(law: PrincipalLaw, test: str, stretch: np.ndarray) -> np.ndarray:
 def _reach(curves: pd.DataFrame) -> float:
     """Return up to which stretch a test that was not made is shown: as far as the others went."""
     standard = curves[curves.kind.isin([*LOAD_CASES, "biaxial"])]
-    return (
-        float(standard.stretch.max()) if len(standard) and standard.stretch.max() > 1.05 else SHOWN_STRETCH[1]
-    )
+    return float(standard.stretch.max()) if len(standard) and standard.stretch.max() > 1.05 else 2.0
 
 
 def _scale(axes: np.ndarray, curves: pd.DataFrame) -> None:

@@ -19,7 +19,8 @@ from gelforge.report.figures.style import (
     styled,
 )
 
-PAPER_RESOLUTION_N = 0.06  # error bars of the paper's F/T readings, its fig. "force agreement"
+# error bars of the F/T readings in the figures of Sferrazza et al. 2019 (doi:10.1109/ACCESS.2019.2956882)
+PAPER_RESOLUTION_N = 0.06
 
 
 @dataclass(frozen=True)
