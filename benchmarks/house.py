@@ -149,14 +149,15 @@ def called_functions(files: dict[Path, ast.Module]) -> list[ast.FunctionDef | as
         for path, tree in files.items()
     }
     imported = [
-        (module, (node.module, name.name))
+        (module, (node.module, name.name), node in tree.body)
         for module, tree in trees.items()
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom)
         for name in node.names
     ]
-    passed_on, found = {(module, source[1]): source for module, source in imported}, set()
-    for module, source in imported:
+    passed_on = {(module, source[1]): source for module, source, at_top in imported if at_top}
+    found = set()
+    for module, source, _ in imported:
         while source in passed_on:  # by an `__init__`
             source = passed_on[source]
         if module.split(".")[1:2] != str(source[0]).split(".")[1:2]:

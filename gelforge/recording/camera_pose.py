@@ -81,7 +81,7 @@ def press_centres(recording: Recording, camera: Camera) -> tuple[list[str], np.n
     recording : Recording
         With images.
     camera : Camera
-        That took them; its focal length and direction, where known, sharpen the centres.
+        That took them; its focal length, where known, gives the vanishing point of the vertical.
 
     Returns
     -------
