@@ -47,7 +47,8 @@ PATIENT = 10
 # twice as long: of a node that touches within a step, only the step before says how it has moved until then
 # (docs/decisions/0010-exact-friction.md).
 FIRST_STEP = 0.25
-# A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there.
+# A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there
+# (tests/mechanics/test_last_steps.py).
 PATIENCE = 3
 ROUNDING = 1e-9  # of a number of steps: far above 1e-16 and far below a step
 USUAL = Settings()

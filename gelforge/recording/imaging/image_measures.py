@@ -24,7 +24,7 @@ PRESET = "fine"  # of the flow where no study's settings are known
 RUNS, RUN_LENGTH = 3, 8
 # A textured pixel is lost where forward and backward flow miss each other by this much, or where the image moved back hardly
 # correlates with the reference. Measured on speckle, dots and drawn particles: flow that is right has at most 1 % of such
-# pixels, flow with 2 % of its pixels wrong has 3.5 % and more (docs/flow.md).
+# pixels, flow with 2 % of its pixels wrong has 3.5 % and more (tests/recording/test_flow_lost.py).
 APART_PX, APART_SHARE, LEAST_CORRELATION = 3.0, 0.25, 0.5  # share: of the flow's length, whichever is larger
 # standard deviation of an image over the reference's, above which its texture is not counted
 CONTRAST_KEPT = 0.5

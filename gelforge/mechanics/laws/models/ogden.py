@@ -16,10 +16,11 @@ from gelforge.mechanics.laws.law import PrincipalLaw, sinhc
 from gelforge.mechanics.laws.model import Model
 from gelforge.mechanics.laws.parameters import GivenParameters
 
+# to either side of those of rubber, 1.3, 5 and -2 (Ogden 1972)
 START_EXPONENTS = (-16.0, -8.0, -4.0, -2.0, 1.0, 2.0, 3.0, 4.0, 8.0, 16.0)
 LARGEST_EXPONENT = 30.0
 SMALLEST_SHARE = 1e-9  # of a term in the stiffness
-MOST_TERMS = 4
+MOST_TERMS = 4  # one more than those that describe Treloar's rubber (Ogden 1972)
 
 # By convention: the energy's factor of the term k, the initial shear modulus, who writes it so.
 OGDEN_CONVENTIONS = {
