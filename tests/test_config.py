@@ -65,12 +65,10 @@ def test_a_part_that_is_needed_and_not_given_is_named():
         needed(None, "synthesis")
 
 
-def test_schema_file_is_current():
+def test_the_schema_is_current_and_says_what_every_key_is():
     assert json.loads(Path("config/schema.json").read_text()) == schema()
 
-
-def test_every_key_of_the_schema_says_what_it_is():
-    """A number's description ends in its unit, written [mm], [-] and the like."""
+    # A number's description ends in its unit, written [mm], [-] and the like.
     definitions = schema()["$defs"] | {"Study": schema()}
     for name, definition in definitions.items():
         for key, content in definition.get("properties", {}).items():

@@ -57,8 +57,7 @@ def test_both_errors_of_the_depth_stand_side_by_side(tmp_path):
         zero = load_session(written(tmp_path, keys)).depth_zero
     assert (zero.session_scatter_mm, zero.press_scatter_mm) == (0.01, 0.004)
 
-
-def test_a_former_key_is_refused_with_the_new_ones(tmp_path):
+    # A former key is refused with the new ones
     with pytest.raises(
         ConfigError, match="depth_zero.scatter_mm.*write session_scatter_mm or.* press_scatter_mm"
     ):

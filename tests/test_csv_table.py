@@ -64,12 +64,11 @@ def test_what_cannot_be_read_says_where_and_what_to_do(tmp_path, text, message):
         read_csv(written(tmp_path, text), numbers=["a"], texts=["name"])
 
 
-def test_a_header_that_is_searched_for_may_be_missing_too(tmp_path):
+def test_a_file_without_a_table_is_named(tmp_path):
     with pytest.raises(TableError, match="no header line"):
         read_csv(written(tmp_path, "# only a comment\n"), form=CsvForm(find_header=True))
 
-
-def test_other_encodings_and_missing_files_are_named(tmp_path):
+    # Other encodings and missing files are named
     with pytest.raises(TableError, match="byte 0 is not UTF-8"):
         read_csv(written(tmp_path, "µ,b\n1,2\n", "latin-1"))
     with pytest.raises(TableError, match=r"nowhere\.csv: no such file"):
@@ -109,12 +108,11 @@ def test_a_separator_too_many_in_one_row_is_refused_and_in_all_rows_ignored(
         read([*rows[:at], shifted, *rows[at + 1 :]])
 
 
-def test_spaces_at_the_end_of_some_rows_move_nothing(tmp_path):
+def test_ends_of_rows_move_nothing(tmp_path):
     table = read_csv(written(tmp_path, "a b\n1  2 \n3 4\n"), numbers=["a", "b"], form=CsvForm(separator=" "))
     assert table["b"].tolist() == [2.0, 4.0]
 
-
-def test_a_row_of_units_may_lack_the_separators_at_the_end_of_the_rows_below(tmp_path):
+    # A row of units may lack the separators at the end of the rows below
     text = "a,b\nmm,N\n1,2,\n3,4,\n"
     table = read_csv(written(tmp_path, text), numbers=["a", "b"], form=CsvForm(units_row=None))
     assert table["b"].tolist() == [2.0, 4.0]

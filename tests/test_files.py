@@ -38,14 +38,13 @@ def test_other_files_do_not_count(package, name):
     assert source_digest("report") == before
 
 
-def test_a_single_file_is_a_part(package):
+def test_a_single_file_is_a_part_if_it_is_there(package):
     before = source_digest("report/page.py")
     (package / "report/templates/report.css").write_text("edited")
     assert source_digest("report/page.py") == before
     (package / "report/page.py").write_text("edited")
     assert source_digest("report/page.py") != before
 
-
-def test_a_source_that_is_not_there_is_no_source():
+    # A source that is not there is no source
     with pytest.raises(ValueError, match=r"report/moved.py is no file or folder"):
         source_digest("report/page.py", "report/moved.py")

@@ -39,7 +39,7 @@ def run(clock, count, step_s, **options):
             told.advance()
 
 
-def test_a_log_says_at_each_tenth_how_long_it_will_take(shown, capsys):
+def test_a_log_says_how_long_it_will_take(shown, capsys):
     run(Clock(), 100, 3.0)
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "sites: 2 of 100, about 4 min 50 s left"  # the first step after five seconds
@@ -47,19 +47,16 @@ def test_a_log_says_at_each_tenth_how_long_it_will_take(shown, capsys):
     assert lines[-1] == "sites: 100 of 100; took 5 min"
     assert len(lines) == 11
 
-
-def test_a_log_says_each_minute_where_a_tenth_takes_long(shown, capsys):
+    # A log says each minute where a tenth takes long
     run(Clock(), 1000, 20.0)
     lines = capsys.readouterr().err.splitlines()
     assert lines[:2] == ["sites: 1 of 1000, about 5 h 33 min left", "sites: 4 of 1000, about 5 h 32 min left"]
 
-
-def test_what_is_done_in_five_seconds_leaves_no_line(shown, capsys):
+    # What is done in five seconds leaves no line
     run(Clock(), 4, 1.2)
     assert capsys.readouterr().err == ""
 
-
-def test_what_was_done_before_counts_and_costs_nothing(shown, capsys):
+    # What was done before counts and costs nothing
     run(Clock(), 100, 10.0, first=90)
     assert capsys.readouterr().err.splitlines()[0] == "sites: 91 of 100, about 1 min 30 s left"
 
@@ -76,6 +73,19 @@ def test_a_terminal_has_one_line_that_is_cleared(shown, monkeypatch):
         "",
     ]
 
+    # Stages on a terminal are one line
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    staged(Clock(), expected_s=50.0)
+    printed = sys.stderr.getvalue()
+    assert "\n" not in printed
+    shown_lines = printed.split("\r\033[2K")[1:]
+    assert shown_lines[:3] == [
+        "verdict, about 50 s left: readings",
+        "verdict, about 46 s left: fits",
+        "sites: 0 of 6",
+    ]
+    assert shown_lines[-3:] == ["verdict, about 10 s left: fits", "verdict, about 10 s left: tables", ""]
+
 
 def test_only_the_outermost_is_shown(shown, capsys):
     clock = Clock()
@@ -88,6 +98,13 @@ def test_only_the_outermost_is_shown(shown, capsys):
         "outer: 1 of 2, about 30 s left",
         "outer: 2 of 2; took 1 min",
     ]
+
+    # Stages within stages are those of the outermost
+    with Stages("study", clock=clock):
+        clock.now += 6.0
+        staged(clock, expected_s=45.0)
+    printed = capsys.readouterr().err
+    assert printed.startswith("study: readings\n") and "verdict" not in printed
 
 
 def test_unknown_ends_have_no_time_left(shown, capsys):
@@ -136,7 +153,7 @@ def staged(clock, **options):
         clock.now += 10.0
 
 
-def test_stages_in_a_log_say_what_runs_how_far_it_is_and_how_long_all_of_it_takes(shown, capsys):
+def test_stages_in_a_log_say_what_runs_and_how_long_all_of_it_takes(shown, capsys):
     staged(Clock(), expected_s=45.0)
     lines = capsys.readouterr().err.splitlines()
     assert lines[:3] == [
@@ -146,13 +163,11 @@ def test_stages_in_a_log_say_what_runs_how_far_it_is_and_how_long_all_of_it_take
     ]
     assert lines[-3:] == ["sites: 6 of 6; took 36 s", "verdict, about 5 s left: tables", "verdict took 50 s"]
 
-
-def test_where_some_may_be_done_already_the_time_left_is_a_bound(shown, capsys):
+    # Where some may be done already the time left is a bound
     staged(Clock(), expected_s=45.0, at_most=True)
     assert capsys.readouterr().err.startswith("verdict, at most about 45 s left: readings\n")
 
-
-def test_more_than_was_expected_is_said(shown, capsys):
+    # More than was expected is said
     staged(Clock(), expected_s=30.0)
     assert "verdict, 40 s so far, 30 s expected: tables" in capsys.readouterr().err
 
@@ -162,31 +177,7 @@ def test_short_stages_leave_no_line(shown, capsys):
         stage("gains")
     assert capsys.readouterr().err == ""
 
-
-def test_stages_on_a_terminal_are_one_line(shown, monkeypatch):
-    monkeypatch.setattr(sys, "stderr", Terminal())
-    staged(Clock(), expected_s=50.0)
-    printed = sys.stderr.getvalue()
-    assert "\n" not in printed
-    shown_lines = printed.split("\r\033[2K")[1:]
-    assert shown_lines[:3] == [
-        "verdict, about 50 s left: readings",
-        "verdict, about 46 s left: fits",
-        "sites: 0 of 6",
-    ]
-    assert shown_lines[-3:] == ["verdict, about 10 s left: fits", "verdict, about 10 s left: tables", ""]
-
-
-def test_stages_within_stages_are_those_of_the_outermost(shown, capsys):
-    clock = Clock()
-    with Stages("study", clock=clock):
-        clock.now += 6.0
-        staged(clock, expected_s=45.0)
-    printed = capsys.readouterr().err
-    assert printed.startswith("study: readings\n") and "verdict" not in printed
-
-
-def test_a_stage_without_stages_says_nothing(shown, capsys):
+    # A stage without stages says nothing
     stage("fits")
     assert capsys.readouterr().err == ""
 

@@ -80,12 +80,6 @@ def test_one_depth_and_one_name_may_stand_by_themselves():
     assert answer.depth_mm.tolist() == [0.4] and list(answer.slopes) == ["friction"]
 
 
-# ------------------------------------------------------------------------------------------- printed
-def test_numbers_are_printed_as_the_examples_say():
-    found = doctest.testmod(printed)
-    assert found.attempted >= 3 and found.failed == 0
-
-
 def test_results_are_printed_in_a_few_lines_with_their_totals(tmp_path):
     answer = gf.press(6.0, 6.0, [0.2, 0.4], **ONE_LAYER, sensitivities=["friction"])
     depths = np.linspace(0.05, 0.4, 40)
@@ -103,3 +97,8 @@ def test_results_are_printed_in_a_few_lines_with_their_totals(tmp_path):
     assert "digit_gel" in str(study) and "2 indentations, 12 readings" in str(recording)
     sigma = fitted.law.covariance[0, 0] ** 0.5
     assert f"mu = {printed.with_error(fitted.law.values[0], sigma)} kPa" in str(fitted)
+
+    # ------------------------------------------------------------------------------------------- printed
+    # Numbers are printed as the examples say
+    found = doctest.testmod(printed)
+    assert found.attempted >= 3 and found.failed == 0

@@ -16,12 +16,11 @@ def test_the_page_is_up_to_date(name):
     assert (ROOT / "docs" / name).read_text("utf-8") == PAGES[name](), f"docs/{name} is old: make generated"
 
 
-def test_every_section_that_a_key_names_has_a_table():
+def test_pages_hold_every_section_that_a_key_names_and_every_test_of_a_recording():
     page = configuration()
     named = {word.partition(")")[0] for word in page.split("](#")[1:]}
     headings = {line.removeprefix("### ").lower() for line in page.splitlines() if line.startswith("### ")}
     assert named and named <= headings
 
-
-def test_every_test_of_a_recording_has_a_row():
+    # Every test of a recording has a row
     assert set(re.findall(r"^\| `(\w+)`", recording_tests(), re.M)) == {*TESTS, "gap"}

@@ -30,13 +30,12 @@ def test_a_process_that_outlives_its_command_counts(module, tmp_path):
     assert done.printed == "begun\n"
 
 
-def test_status_and_memory(module):
+def test_status_memory_and_the_limit(module):
     done = module("import sys\nheld = b'x' * 200_000_000\nsys.exit(3)\n")
     assert done.status == 3
     assert done.memory_MB > 190
 
-
-def test_the_limit_ends_a_command(module):
+    # The limit ends a command
     assert module("import time\ntime.sleep(1000)\n", limit_s=0.2).status == 124
 
 

@@ -148,12 +148,22 @@ def test_a_plan_in_metres_or_inches_is_asked_about(tmp_path):
     assert len(planned(tmp_path, ["a,0.3,0.3,0.2,,", "b,1,0.3,0.4,,"])) == 2  # near the corner, honest
 
 
-def test_a_grid_of_too_many_cells_is_refused_at_once(tmp_path):
+def test_grids_and_steps_that_nobody_solves_are_refused_at_once(tmp_path):
     content = load_study("config/test.yaml").model_dump(mode="json")
     for spacing in (1e-9, 0.002):
         content["plan"] = {"grid": {"spacing_mm": spacing, "margin_mm": 2}, "depths_mm": [0.3]}
         with pytest.raises(ConfigError, match="at most 200000 are planned"):
             plan_cells(study_from(content))
+
+    # Steps that nobody solves are refused
+    content = load_study("config/test.yaml").model_dump(mode="json")
+    for step, right in ((1e-9, False), (0.01, True)):
+        content["mechanics"]["effects"]["history"]["timing"]["step_mm"] = step
+        if right:
+            assert plan_cells(study_from(content))
+        else:
+            with pytest.raises(ConfigError, match="step_mm 1e-09 mm: .* at most 10000 are solved"):
+                plan_cells(study_from(content))
 
 
 @pytest.mark.parametrize(("key", "size"), [("near_mm", 1e-3), ("far_mm", 1e4)])
@@ -164,17 +174,6 @@ def test_a_mesh_beyond_any_memory_is_refused_before_it_is_made(key, size):
         plan_cells(study_from(content))
     content["mechanics"]["mesh"] |= {"near_mm": 0.1, "far_mm": 3.0}
     assert plan_cells(study_from(content))
-
-
-def test_steps_that_nobody_solves_are_refused():
-    content = load_study("config/test.yaml").model_dump(mode="json")
-    for step, right in ((1e-9, False), (0.01, True)):
-        content["mechanics"]["effects"]["history"]["timing"]["step_mm"] = step
-        if right:
-            assert plan_cells(study_from(content))
-        else:
-            with pytest.raises(ConfigError, match="step_mm 1e-09 mm: .* at most 10000 are solved"):
-                plan_cells(study_from(content))
 
 
 def test_changes_of_a_study_are_checked_as_a_file_is():

@@ -46,7 +46,7 @@ def studies(tmp_path, monkeypatch):
     Path("config/README.yaml").write_text("keys: 1\n")
 
 
-def test_every_option_of_every_command_is_described():
+def test_every_option_is_described_and_every_study_is_named_the_same_way():
     bare = [
         (one.prog, action.dest)
         for one in every_parser(parser())
@@ -56,8 +56,7 @@ def test_every_option_of_every_command_is_described():
     assert len(list(every_parser(parser()))) > 40
     assert bare == []
 
-
-def test_every_command_that_needs_a_study_reads_its_name_the_same_way():
+    # Every command that needs a study reads its name the same way
     named = [
         action
         for one in every_parser(parser())
@@ -82,15 +81,14 @@ def test_a_study_is_named_by_its_name_or_its_file(studies, text, path):
     assert study_file(text) == Path(path)
 
 
-def test_an_unknown_study_lists_those_that_are_there(studies, capsys):
+def test_an_unknown_name_is_answered_with_those_that_are_near(studies, capsys):
     with pytest.raises(SystemExit):
         parser().parse_args(["check", "dmo"])
     assert (
         "no study 'dmo'; the studies in config are demo, mine; or name a YAML file" in capsys.readouterr().err
     )
 
-
-def test_an_unknown_command_suggests_the_nearest(capsys):
+    # An unknown command suggests the nearest
     with pytest.raises(SystemExit, match="2"):
         parser().parse_args(["chekc", "demo"])
     assert capsys.readouterr().err == (

@@ -36,13 +36,12 @@ def test_depths_that_make_no_path_are_refused(text):
         depth_list(text)
 
 
-def test_errors_of_ours_are_one_plain_message(empty_folder, capsys):
+def test_errors_of_ours_are_one_plain_message_unless_debugged(empty_folder, capsys):
     assert main(["check", "config/nothing.yaml"]) == 1
     printed = capsys.readouterr().err
     assert printed == "gelforge: config/nothing.yaml: no such file; name a YAML file that exists\n"
 
-
-def test_debug_shows_where_an_error_arose(empty_folder):
+    # Debug shows where an error arose
     with pytest.raises(ValueError, match="no such file"):
         main(["check", "config/nothing.yaml", "--debug"])
 
@@ -93,12 +92,11 @@ def test_check_names_key_value_and_limit(empty_folder, capsys, old, new, words):
         assert word in printed
 
 
-def test_press_outside_the_sensor_is_refused_before_time_is_spent(empty_folder, capsys):
+def test_what_is_outside_or_not_planned_is_refused_before_time_is_spent(empty_folder, capsys):
     assert main(["press", "--x", "40", "--y", "16", "--depths", "1"]) == 1
     assert "lies outside the sensor" in capsys.readouterr().err
 
-
-def test_simulate_refuses_a_cell_that_is_not_planned(empty_folder, capsys):
+    # Simulate refuses a cell that is not planned
     main(["init", "mine"])
     arguments = ["--study", "config/mine.yaml", "--cell", "x9", "--laws", "law.json", "--out", "x9.h5"]
     assert main(["simulate", *arguments]) == 1

@@ -47,12 +47,11 @@ def explain(shard, environment):
     return subprocess.run(command, env=environment, capture_output=True, text=True)
 
 
-def test_a_file_system_without_locks_needs_nothing(shard, without_locks):
+def test_a_file_system_without_locks_needs_nothing_but_a_variable_at_most(shard, without_locks):
     done = explain(shard, without_locks)
     assert done.returncode == 0, done.stderr
 
-
-def test_where_locks_are_asked_for_the_variable_is_named_and_nothing_is_to_be_deleted(shard, without_locks):
+    # Where locks are asked for the variable is named and nothing is to be deleted
     done = explain(shard, without_locks | {"HDF5_USE_FILE_LOCKING": "TRUE"})
     assert done.returncode == 1
     assert "cannot be opened" in done.stderr
@@ -79,15 +78,6 @@ sys.exit(main(["explain", sys.argv[1], "0"]))
 """
 
 
-def test_sigterm_leaves_nothing_half_written(tmp_path):
-    command = [sys.executable, "-c", TERMINATED, str(tmp_path / "product.csv")]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 143
-    assert done.stderr.startswith("gelforge: terminated")
-    assert len(done.stderr.splitlines()) == 1
-    assert list(tmp_path.iterdir()) == []
-
-
 INSIDE_HDF5 = """
 import os, signal, sys
 import numpy as np
@@ -111,9 +101,15 @@ sys.exit(main(["explain", sys.argv[1], "0"]))
 """
 
 
-def test_sigterm_while_hdf5_writes_comes_again(tmp_path):
-    """HDF5 calls our file; an exception that arose there was at times printed and forgotten, and the command went on."""
-    command = [sys.executable, "-c", INSIDE_HDF5, str(tmp_path / "product.h5")]
+@pytest.mark.parametrize(
+    ("program", "name"),
+    [
+        pytest.param(TERMINATED, "product.csv", id="at_once"),
+        pytest.param(INSIDE_HDF5, "product.h5", id="while_hdf5_writes"),
+    ],
+)
+def test_sigterm_leaves_nothing_half_written(tmp_path, program, name):
+    command = [sys.executable, "-c", program, str(tmp_path / name)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 143
     assert done.stderr.startswith("gelforge: terminated")

@@ -39,15 +39,14 @@ def test_the_mesh_of_a_shipped_study_is_tested_in_every_quality(quality):
     assert words.endswith("% of a mesh of 0.15 mm (tested on 9dtact)")
 
 
-def test_another_mesh_or_sensor_is_not_tested():
+def test_another_mesh_or_sensor_is_not_tested(tmp_path):
     study = sensor("9dtact")
     assert mesh_error_words(with_mesh(study, near_mm=0.31)).startswith("not tested")
     assert mesh_error_words(with_mesh(study, elements="tetrahedra")).startswith("not tested")
     wide = study.sensor.model_copy(update={"width_x_mm": 33.0})
     assert mesh_error_words(study.model_copy(update={"sensor": wide})).startswith("not tested")
 
-
-def test_words_of_an_untested_mesh_span_the_tested_errors(tmp_path):
+    # Words of an untested mesh span the tested errors
     of_paper = read_mesh_errors().to_dict("records")[0] | {"near_mm": 9.0}
     rows = [of_paper | {"quality": "fast", "error_percent": error} for error in (0.4, 2.5)]
     write_mesh_errors(rows, "no machine", tmp_path / "errors.csv")

@@ -23,7 +23,7 @@ def recorded(made):
     return made
 
 
-def test_one_row_per_press_with_means_of_its_readings_at_depth(recorded):
+def test_one_row_per_press_with_means_of_its_readings_at_depth(recorded, tmp_path):
     table = agreement_table(recorded.readings, recorded.cells)
     assert len(table) == sum(
         sample_table(recorded.study, s)["press"].nunique() for s in recorded.study.sessions
@@ -36,6 +36,13 @@ def test_one_row_per_press_with_means_of_its_readings_at_depth(recorded):
     for row in table[table["session"] == "day2"].itertuples():
         held = readings[(readings["press"] == row.press) & (readings["phase"] == "dwell")]
         assert row.ft_z_N == pytest.approx(sum(held["fz_N"]) / len(held), rel=1e-12)
+
+    # The file comes back
+    write_agreement(tmp_path / "agreement.csv", table)
+    # nine digits are written
+    pd.testing.assert_frame_equal(
+        read_agreement(tmp_path / "agreement.csv"), table, rtol=1e-8, check_dtype=False
+    )
 
 
 def test_rmse_gt_equals_a_naive_loop(recorded):
@@ -54,13 +61,12 @@ def test_rmse_gt_equals_a_naive_loop(recorded):
     assert list(rmse[rmse["session"] == "all"]["ft_resolution_N"]) == [0.03, 0.03, 0.1]  # the coarsest
 
 
-def test_a_session_without_images_is_enough(recorded):
+def test_images_are_not_needed_and_failed_cells_left_out(recorded):
     path = recorded.readings["day1"]
     write_product_table(path, pd.read_csv(path).assign(image=""))
     assert len(agreement_table({"day1": path}, recorded.cells)) > 0
 
-
-def test_failed_cells_are_left_out(recorded):
+    # Failed cells are left out
     write_cells(recorded.study, recorded.folder, failed=["x1_y1"])
     assert "x1_y1" not in set(agreement_table(recorded.readings, recorded.cells)["cell"])
 
@@ -70,15 +76,6 @@ def test_no_session_gives_an_empty_table(tmp_path):
     table = agreement_table({}, write_cells(study, tmp_path))
     assert len(table) == 0
     assert list(table.columns[:3]) == ["session", "press", "cell"]
-
-
-def test_the_file_comes_back(recorded, tmp_path):
-    table = agreement_table(recorded.readings, recorded.cells)
-    write_agreement(tmp_path / "agreement.csv", table)
-    # nine digits are written
-    pd.testing.assert_frame_equal(
-        read_agreement(tmp_path / "agreement.csv"), table, rtol=1e-8, check_dtype=False
-    )
 
 
 def test_a_press_without_its_cell_or_file_stops(recorded):

@@ -34,7 +34,7 @@ def rows_of(path, *names):
     return rows.read(np.arange(len(rows)), names or list(COLUMNS))
 
 
-def test_every_image_has_its_row(made):
+def test_every_image_has_its_row_with_label_features_and_readings(made):
     rows = rows_of(made.join())
     expected = {
         (session, press, index): (cell, depth, image)
@@ -52,9 +52,7 @@ def test_every_image_has_its_row(made):
     assert found == expected
     assert len(rows["cell"]) == len(expected)
 
-
-def test_rows_hold_label_features_and_readings_of_their_press(made):
-    rows = rows_of(made.join())
+    # Rows hold label features and readings of their press
     planned = plan_cells(made.study)
     for i in range(len(rows["cell"])):
         true = label(planned[rows["cell"][i]], rows["depth_mm"][i])
@@ -69,9 +67,7 @@ def test_rows_hold_label_features_and_readings_of_their_press(made):
     for i in np.flatnonzero(rows["session"] == "day2"):
         np.testing.assert_array_equal(rows["feature"][i], features[rows["press"][i], rows["image_index"][i]])
 
-
-def test_untouched_rows_have_zero_label_and_measured_features(made):
-    rows = rows_of(made.join())
+    # Untouched rows have zero label and measured features
     untouched = rows["untouched"]
     assert untouched.sum() == len(made.names) * len(DEPTHS)
     assert (rows["force_distribution_N"][untouched] == 0).all()
@@ -133,94 +129,12 @@ def rewrite_cell(made, name, arrays=(), **attributes):
     write_cell(made.cells[name], Cell(cell.arrays | dict(arrays), cell.attributes | attributes))
 
 
-def test_missing_cell(made):
-    made.cells["x1_y1"].unlink()
-    with pytest.raises(CellError, match=r"x1_y1\.h5.*missing"):
-        made.join()
-
-
-@pytest.mark.parametrize("kept", [0, 100, 3000])
-def test_truncated_cell(made, kept):
-    os.truncate(made.cells["x1_y1"], kept)
-    with pytest.raises(CellError, match=r"x1_y1\.h5.*(holds no checksum|damaged or edited)"):
-        made.join()
-
-
-def test_cell_of_other_settings(made):
-    rewrite_cell(made, "x1_y1", inputs_digest="another")
-    with pytest.raises(DatasetError, match=r"x1_y1.*other settings"):
-        made.join()
-
-
-def test_cell_of_another_position(made):
-    rewrite_cell(made, "x1_y1", x_mm=16.2)
-    with pytest.raises(DatasetError, match=r"x1_y1 lies at \(16\.2"):
-        made.join()
-
-
-def test_file_of_another_cell(made):
-    made.cells["x1_y1"].write_bytes(made.cells["x0_y1"].read_bytes())
-    with pytest.raises(DatasetError, match=r"x1_y1\.h5: holds site 'x0_y1'"):
-        made.join()
-
-
-def test_cell_of_other_depths(made):
-    rewrite_cell(made, "x1_y1", {"depth_mm": np.array([0.5, 1.1])})
-    with pytest.raises(DatasetError, match=r"x1_y1 has depths \[0\.5, 1\.1\]"):
-        made.join()
-
-
-@pytest.mark.parametrize("wrong", [1e-3, np.nan])
-def test_cell_whose_bins_do_not_sum_to_its_force(made, wrong):
-    with edited(made.cells["x1_y1"]) as file:  # write_cell refuses what is no number
-        file["bin_force_N"][1, 3, 2] += wrong
-    with pytest.raises(DatasetError, match="x1_y1: bins and total force differ"):
-        made.join()
-
-
-def test_missing_features(made):
-    made.features["day1"].unlink()
-    with pytest.raises(DatasetError, match=r"day1\.h5: no such file"):
-        made.join()
-
-
-def test_truncated_features(made):
-    os.truncate(made.features["day1"], made.features["day1"].stat().st_size // 2)
-    with pytest.raises(DatasetError, match=r"day1\.h5: (holds no checksum|damaged or edited)"):
-        made.join()
-
-
-def test_features_of_other_settings(made):
-    made.feature_digests["day1"] = "digest of now"
-    with pytest.raises(DatasetError, match="day1 was made with other settings"):
-        made.join()
-
-
-def test_features_of_other_regions(made):
-    table = sample_table(made.study, "day1")
-    write_features(made.features["day1"], made.study, table, feature=np.zeros((len(table), 18), np.float32))
-    with pytest.raises(DatasetError, match="18 features a row, expected 32"):
-        made.join()
-
-
 def without(made, **where):
     """Rewrite the first session without the rows whose columns have these values."""
     table = sample_table(made.study, "day1")
     lost = np.logical_and.reduce([table[name] == value for name, value in where.items()])
     assert lost.any()
     write_features(made.features["day1"], made.study, table[~lost])
-
-
-def test_missing_image_in_the_middle(made):
-    without(made, press="p002", image_index=2)
-    with pytest.raises(DatasetError, match=r"indentation p002 .*image_index \[2\] missing"):
-        made.join()
-
-
-def test_missing_last_image(made):
-    without(made, press="p002", image_index=DWELL)
-    with pytest.raises(DatasetError, match="indentation p002 .*2 images at depth, 3 in most indentations"):
-        made.join()
 
 
 def test_what_tests_of_the_session_excluded_is_left_out_without_an_error(made):
@@ -238,20 +152,6 @@ def test_what_tests_of_the_session_excluded_is_left_out_without_an_error(made):
     assert np.isfinite(rows["total_force_ft_N"][~hit]).all()
 
 
-def test_missing_zero_image(made):
-    without(made, press="p002", image_index=0)
-    with pytest.raises(DatasetError, match=r"indentation p002 .*image_index \[0\] missing"):
-        made.join()
-
-
-def test_press_without_its_cell(made):
-    table = sample_table(made.study, "day1")
-    table.loc[table["press"] == "p001", "cell"] = ""
-    write_features(made.features["day1"], made.study, table)
-    with pytest.raises(DatasetError, match="indentation p001.*site '' is not in the plan"):
-        made.join()
-
-
 @pytest.mark.parametrize(("offset", "joins"), [(0.009, True), (0.02, False)])
 def test_depths_join_within_a_hundredth(made, offset, joins):
     table = sample_table(made.study, "day1")
@@ -267,12 +167,103 @@ def test_depths_join_within_a_hundredth(made, offset, joins):
             made.join()
 
 
-def test_features_that_are_not_finite(made):
-    table = sample_table(made.study, "day1")
+def of_bins(wrong):
+    def spoil(made):
+        with edited(made.cells["x1_y1"]) as file:
+            file["bin_force_N"][1, 3, 2] += wrong
+
+    return spoil
+
+
+def of_features(change=lambda table: None, **columns):
+    """Return a spoiler that writes features of day1 with another table or other columns, functions of the table."""
+
+    def spoil(made):
+        table = sample_table(made.study, "day1")
+        change(table)
+        write_features(
+            made.features["day1"], made.study, table, **{name: make(table) for name, make in columns.items()}
+        )
+
+    return spoil
+
+
+def not_finite(table):
     feature = feature_rows(table)
-    feature[5, 3] = np.nan
-    write_features(made.features["day1"], made.study, table, feature=feature)
-    with pytest.raises(DatasetError, match="image p001_1.png: features are not finite"):
+    feature[5, 3] = np.nan  # an image at depth of the second press
+    return feature
+
+
+def without_cell(table):
+    table.loc[table["press"] == "p001", "cell"] = ""
+
+
+NO_SEAL = "(holds no checksum|damaged or edited)"
+SPOILT = {
+    "missing cell": (lambda made: made.cells["x1_y1"].unlink(), r"x1_y1\.h5.*missing"),
+    **{
+        f"cell cut to {kept} bytes": (
+            lambda made, kept=kept: os.truncate(made.cells["x1_y1"], kept),
+            rf"x1_y1\.h5.*{NO_SEAL}",
+        )
+        for kept in (0, 100, 3000)
+    },
+    "cell of other settings": (
+        lambda made: rewrite_cell(made, "x1_y1", inputs_digest="another"),
+        "x1_y1.*other settings",
+    ),
+    "cell of another position": (
+        lambda made: rewrite_cell(made, "x1_y1", x_mm=16.2),
+        r"x1_y1 lies at \(16\.2",
+    ),
+    "file of another cell": (
+        lambda made: made.cells["x1_y1"].write_bytes(made.cells["x0_y1"].read_bytes()),
+        r"x1_y1\.h5: holds site 'x0_y1'",
+    ),
+    "cell of other depths": (
+        lambda made: rewrite_cell(made, "x1_y1", {"depth_mm": np.array([0.5, 1.1])}),
+        r"x1_y1 has depths \[0\.5, 1\.1\]",
+    ),
+    "bins that do not sum to the force": (of_bins(1e-3), "x1_y1: bins and total force differ"),
+    "a bin that is no number": (of_bins(np.nan), "x1_y1: bins and total force differ"),
+    "missing features": (lambda made: made.features["day1"].unlink(), r"day1\.h5: no such file"),
+    "truncated features": (
+        lambda made: os.truncate(made.features["day1"], made.features["day1"].stat().st_size // 2),
+        rf"day1\.h5: {NO_SEAL}",
+    ),
+    "features of other settings": (
+        lambda made: made.feature_digests.update(day1="digest of now"),
+        "day1 was made with other settings",
+    ),
+    "features of other regions": (
+        of_features(feature=lambda table: np.zeros((len(table), 18), np.float32)),
+        "18 features a row, expected 32",
+    ),
+    "missing image in the middle": (
+        lambda made: without(made, press="p002", image_index=2),
+        r"indentation p002 .*image_index \[2\] missing",
+    ),
+    "missing last image": (
+        lambda made: without(made, press="p002", image_index=DWELL),
+        "indentation p002 .*2 images at depth, 3 in most indentations",
+    ),
+    "missing zero image": (
+        lambda made: without(made, press="p002", image_index=0),
+        r"indentation p002 .*image_index \[0\] missing",
+    ),
+    "press without its cell": (of_features(without_cell), "indentation p001.*site '' is not in the plan"),
+    "features that are not finite": (
+        of_features(feature=not_finite),
+        r"image p001_1.png: features are not finite",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_inputs_that_do_not_fit_are_refused(made, name):
+    spoil, message = SPOILT[name]
+    spoil(made)
+    with pytest.raises((CellError, DatasetError), match=message):
         made.join()
 
 
@@ -341,7 +332,7 @@ def test_reading_keeps_the_order_asked_for(made):
         np.testing.assert_array_equal(some[name], everything[name][index])
 
 
-def test_lineage_names_cell_image_and_files(made):
+def test_lineage_units_and_descriptions_are_stored(made):
     path = made.join()
     rows = rows_of(path, "cell", "image", "session")
     found = lineage(path, 7)
@@ -355,13 +346,7 @@ def test_lineage_names_cell_image_and_files(made):
     with pytest.raises(DatasetError, match="row 100000 does not exist"):
         lineage(path, 100000)
 
-
-def test_two_joins_give_the_same_bytes(made):
-    first = made.join().read_bytes()
-    assert made.join().read_bytes() == first
-
-
-def test_axis_zero_is_the_sample_with_units_and_description(made):
+    # Axis zero is the sample with units and description
     with h5py.File(made.join()) as file:
         count = file.attrs["rows"]
         assert {len(file[name]) for name in file} == {count}

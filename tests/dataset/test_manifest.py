@@ -28,7 +28,7 @@ def described(made):
     return made
 
 
-def test_checksums_hold(described):
+def test_checksums_hold_and_the_same_dataset_gives_the_same_bytes(described):
     lines = (described.out / "SHA256SUMS").read_text().splitlines()
     names = {"shard-00000.h5", "shard-00001.h5", "manifest.json", "README.md", "croissant.json"}
     assert {line[66:] for line in lines} == names
@@ -36,6 +36,11 @@ def test_checksums_hold(described):
         assert line[:64] == hashlib.sha256((described.out / line[66:]).read_bytes()).hexdigest()
         assert line[64:66] == "  "
     assert verify(described.out) == []
+
+    # The same dataset gives the same bytes
+    before = {path.name: path.read_bytes() for path in described.out.iterdir()}
+    describe_dataset(described.study, described.shards, described.features, described.out)
+    assert {path.name: path.read_bytes() for path in described.out.iterdir()} == before
 
 
 @pytest.mark.skipif(shutil.which("sha256sum") is None, reason="sha256sum is not installed")
@@ -48,7 +53,7 @@ def test_sha256sum_accepts_them_and_notices_a_change(described):
     assert verify(described.out) == ["shard-00001.h5"]
 
 
-def test_manifest_reaches_down_to_cells_and_raw_files(described):
+def test_manifest_and_croissant_reach_down_to_cells_shards_and_raw_files(described):
     manifest = read_manifest(described.out / "manifest.json")
     assert set(manifest["cells"]) == set(described.names)
     for name, cell in manifest["cells"].items():
@@ -61,14 +66,7 @@ def test_manifest_reaches_down_to_cells_and_raw_files(described):
     assert manifest["rows"]["all"] == images == sum(shard["rows"] for shard in manifest["shards"])
     assert manifest["rows"]["train"] + manifest["rows"]["test"] == images
 
-
-def test_the_same_dataset_gives_the_same_bytes(described):
-    before = {path.name: path.read_bytes() for path in described.out.iterdir()}
-    describe_dataset(described.study, described.shards, described.features, described.out)
-    assert {path.name: path.read_bytes() for path in described.out.iterdir()} == before
-
-
-def test_croissant_describes_every_shard(described):
+    # Croissant describes every shard
     content = json.loads((described.out / "croissant.json").read_text())
     assert content["@type"] == "sc:Dataset"
     assert content["conformsTo"] == "http://mlcommons.org/croissant/1.1"

@@ -301,7 +301,16 @@ def test_a_session_goes_on_where_it_was_broken_off(pressed, tmp_path, monkeypatc
         assert (label.bin_sigma[label.bins[:, 2] < 0, 2] > 0).all()
 
 
-def test_a_force_that_is_no_number_becomes_no_label(pressed, tmp_path, monkeypatch):
+def test_what_is_missing_or_no_number_becomes_no_label(pressed, tmp_path, monkeypatch):
+    _, files = pressed
+    with pytest.raises(DatasetError, match="deep_first.presses.h5: made with other settings"):
+        OwnPresses(files["deep_first"], "another").attributes["status"]
+    with pytest.raises(DatasetError, match="none.h5: no such file"):
+        OwnPresses(tmp_path / "none.h5").label("p0")
+    with pytest.raises(DatasetError, match="no indentation p7"):
+        OwnPresses(files["deep_first"]).label("p7")
+
+    # A force that is no number becomes no label
     study, _ = pressed
     cells = plan_cells(study)
     presses = recorded_presses(read_presses(study.session_folder("deep_first"), cells), cells, study)[:1]
@@ -316,16 +325,6 @@ def test_a_force_that_is_no_number_becomes_no_label(pressed, tmp_path, monkeypat
     with pytest.raises(CellError, match="indentation p0: 1 of 300 numbers of bin_force_N are not finite"):
         presses_in_order.press_in_order(study, LAWS, {}, presses, "deep_first", tmp_path / "presses.h5")
     assert not (tmp_path / "presses.h5").exists()
-
-
-def test_what_is_missing_or_of_other_settings_is_refused(pressed, tmp_path):
-    _, files = pressed
-    with pytest.raises(DatasetError, match="deep_first.presses.h5: made with other settings"):
-        OwnPresses(files["deep_first"], "another").attributes["status"]
-    with pytest.raises(DatasetError, match="none.h5: no such file"):
-        OwnPresses(tmp_path / "none.h5").label("p0")
-    with pytest.raises(DatasetError, match="no indentation p7"):
-        OwnPresses(files["deep_first"]).label("p7")
 
 
 def test_time_stamps_are_kept_where_materials_relax(tmp_path):

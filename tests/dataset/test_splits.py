@@ -32,14 +32,12 @@ def plan_of(places, depths=(1.0,), within=0.01) -> dict[str, PlannedCell]:
     }
 
 
-def test_a_fifth_of_the_orbits_tests():
+def test_a_fifth_of_the_orbits_of_all_parts_tests():
     split = split_orbits(ALONE, PLACES, 0.2, 0)
     assert list(split) == sorted(NAMES)
     assert sum(side == "test" for side in split.values()) == round(0.2 * 81)
 
-
-def test_presses_near_walls_and_in_the_middle_are_tested():
-    """Of 81 cells 32 lie at a side: a draw without parts can leave them out."""
+    # Of 81 cells 32 lie at a side: a draw without parts can leave them out.
     for seed in range(20):
         tested = [
             PLACES[name] for name, side in split_orbits(ALONE, PLACES, 0.1, seed).items() if side == "test"
@@ -47,22 +45,20 @@ def test_presses_near_walls_and_in_the_middle_are_tested():
         assert min(tested) == 0
         assert max(tested) >= 2
 
+    # One cell trains
+    assert split_orbits({"alone": "alone"}, {"alone": 1.0}, 0.2, 0) == {"alone": "train"}
+
+    # The draw depends on cells and seed only
+    turned = dict(reversed(ALONE.items()))
+    assert split_orbits(ALONE, PLACES, 0.2, 3) == split_orbits(turned, PLACES, 0.2, 3)
+    assert split_orbits(ALONE, PLACES, 0.2, 3) != split_orbits(ALONE, PLACES, 0.2, 4)
+
 
 @given(st.integers(2, 40), st.floats(0.01, 0.99), st.integers(0, 9))
 def test_both_sides_have_an_orbit(count, fraction, seed):
     names = [f"c{i}" for i in range(count)]
     sides = list(split_orbits({n: n for n in names}, dict.fromkeys(names, 1.0), fraction, seed).values())
     assert set(sides) == {"train", "test"}
-
-
-def test_one_cell_trains():
-    assert split_orbits({"alone": "alone"}, {"alone": 1.0}, 0.2, 0) == {"alone": "train"}
-
-
-def test_the_draw_depends_on_cells_and_seed_only():
-    turned = dict(reversed(ALONE.items()))
-    assert split_orbits(ALONE, PLACES, 0.2, 3) == split_orbits(turned, PLACES, 0.2, 3)
-    assert split_orbits(ALONE, PLACES, 0.2, 3) != split_orbits(ALONE, PLACES, 0.2, 4)
 
 
 @given(
@@ -116,9 +112,16 @@ def test_no_mirror_image_of_a_trained_place_is_tested_where_positions_scatter(pl
         assert apart == pytest.approx(nearest_mm(xy[k], xy[~tests], sensor())[0])
 
 
-def test_a_chain_of_near_positions_is_one_orbit_and_the_tolerance_is_within():
+def test_near_positions_and_mirror_images_are_one_orbit():
     line = plan_of([(10.0, 5.0), (10.02, 5.0), (10.04, 5.0), (10.061, 5.0)], within=0.02)
     assert list(orbits(line, sensor()).values()) == ["c0", "c0", "c0", "c3"]
+
+    # A rectangle has no diagonal and other depths at a place are no other orbit
+    planned = plan_of([(4, 10), (28, 10), (10, 4)])
+    assert list(orbits(planned, sensor()).values()) == ["c0", "c0", "c0"]
+    assert list(orbits(planned, sensor(32, 20)).values()) == ["c0", "c0", "c2"]
+    deeper = {"deep": PlannedCell("deep", 4.0, 10.0, (2.0,))}
+    assert orbits(planned | deeper, sensor())["deep"] == "c0"
 
 
 def test_the_usual_spacing_is_that_of_the_positions_meant():
@@ -132,14 +135,6 @@ def test_the_usual_spacing_is_that_of_the_positions_meant():
     assert found.smallest_mm < 0.1 and found.spacing_mm > 2 and found.doubtful
     alone = plan_of([(10, 10)])
     assert separation(alone, {"c0": "train"}, sensor()) is None
-
-
-def test_a_rectangle_has_no_diagonal_and_other_depths_at_a_place_are_no_other_orbit():
-    planned = plan_of([(4, 10), (28, 10), (10, 4)])
-    assert list(orbits(planned, sensor()).values()) == ["c0", "c0", "c0"]
-    assert list(orbits(planned, sensor(32, 20)).values()) == ["c0", "c0", "c2"]
-    deeper = {"deep": PlannedCell("deep", 4.0, 10.0, (2.0,))}
-    assert orbits(planned | deeper, sensor())["deep"] == "c0"
 
 
 @pytest.mark.parametrize("part", [slice(0, 4), slice(4, 9)])

@@ -57,14 +57,7 @@ def test_camera_clock_is_found(tmp_path):
     assert abs(found.camera_clock.lag_s - lab.camera_lag_s) < LAG_S
 
 
-def test_drift_is_refused_unless_declared(tmp_path):
-    with pytest.raises(
-        ImportingError, match=r"ft\.csv: its clock gains .* ms over .* set force\.drift: true"
-    ):
-        imported(tmp_path, replace(LAB, presses=8, force_ppm=900.0))
-
-
-def test_repeating_presses_are_ambiguous_without_a_rest_at_the_ends(tmp_path):
+def test_repeating_presses_need_a_rest_at_the_ends(tmp_path):
     lab = replace(
         REPEATED, presses=8, cut_force_s=(7.5, 0.0)
     )  # the log begins between two of the equal presses
@@ -74,21 +67,10 @@ def test_repeating_presses_are_ambiguous_without_a_rest_at_the_ends(tmp_path):
     assert [number for number, _, _ in found.presses.left_out] == [1]
     assert len(found.presses.kept) == 7
 
-
-def test_repeating_presses_between_rests_are_not(tmp_path):
+    # Repeating presses between rests are not
     found = imported(tmp_path, replace(REPEATED, presses=8))
     assert len(found.presses.kept) == 8
     assert abs(found.force_clock.lag_s - REPEATED.force_lag_s) < LAG_S
-
-
-def test_dropped_frames_are_found(tmp_path):
-    lab = replace(LAB, fps=27.0, presses=8)
-    lab.fault = {"frames": lambda times: np.delete(times, np.arange(420, 431))}
-    mapping = MAPPING + "camera: {video: film.avi, rate_hz: 27}\n"
-    with pytest.raises(
-        ImportingError, match=r"its lag jumps from .* frames were dropped; name their own time stamps"
-    ):
-        imported(tmp_path, lab, mapping)
 
 
 def test_stamps_of_other_frames_are_refused(tmp_path):
@@ -101,19 +83,41 @@ def test_stamps_of_other_frames_are_refused(tmp_path):
         import_logs(tmp_path / "mapping.yaml", "s1")
 
 
-def test_logs_of_two_sessions_are_refused(tmp_path):
-    lab = replace(LAB, fault={"push": lambda t, push, number: 0.5 + 0.5 * np.sin(5 * t)})
-    with pytest.raises(ImportingError, match="does not follow the stage"):
-        imported(tmp_path, lab)
+CONTRADICTIONS = {
+    "drift that is not declared": (
+        replace(LAB, presses=8, force_ppm=900.0),
+        MAPPING,
+        r"ft\.csv: its clock gains .* ms over .* set force\.drift: true",
+    ),
+    "dropped frames": (
+        replace(
+            LAB,
+            fps=27.0,
+            presses=8,
+            fault={"frames": lambda times: np.delete(times, np.arange(420, 431))},  # 0.4 s are gone
+        ),
+        MAPPING + "camera: {video: film.avi, rate_hz: 27}\n",
+        r"its lag jumps from .* frames were dropped; name their own time stamps",
+    ),
+    "logs of two sessions": (
+        replace(LAB, fault={"push": lambda t, push, number: 0.5 + 0.5 * np.sin(5 * t)}),
+        MAPPING,
+        "does not follow the stage",
+    ),
+    "a wrong sign of the force": (
+        LAB,
+        MAPPING.replace("acts_on: sensor", "acts_on: indenter"),
+        r"session\.force\.acts_on",
+    ),
+    "a wrong sign of the stage": (
+        LAB,
+        MAPPING.replace("pressing: -z", "pressing: +z"),
+        r"correct stage\.pressing$",
+    ),
+}
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (("acts_on: sensor", "acts_on: indenter"), r"session\.force\.acts_on"),
-        (("pressing: -z", "pressing: +z"), r"correct stage\.pressing$"),
-    ],
-)
-def test_a_wrong_sign_is_refused_with_its_key(tmp_path, change, said):
+@pytest.mark.parametrize(("lab", "mapping", "said"), CONTRADICTIONS.values(), ids=CONTRADICTIONS)
+def test_logs_that_contradict_each_other_are_refused_with_the_key(tmp_path, lab, mapping, said):
     with pytest.raises(ImportingError, match=said):
-        imported(tmp_path, LAB, MAPPING.replace(*change))
+        imported(tmp_path, lab, mapping)

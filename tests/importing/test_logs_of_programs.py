@@ -77,13 +77,18 @@ def test_forces_below_such_lines_are_no_counts_and_another_unit_is_refused(logs,
         read(counted(logs, 1000, ATI.format(unit="lbf", counts=1000)))
 
 
-@pytest.mark.parametrize("torque", ["Nm", "N-m", "N mm", "N·m", "unit Torque"])
-def test_counts_of_torque_do_not_scale_the_force(logs, read, torque):
-    above = f"Counts/N:,1000\nCounts/{torque}:,50000\n"
-    np.testing.assert_allclose(read(counted(logs, 1000, above))[0].values, read()[0].values, atol=6e-4)
-
-
-@pytest.mark.parametrize("line", ["Counts/N:,1000", 'Counts per Unit Force: "1,000"', "CpF=1000 CpT=50"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Counts/N:,1000",
+        'Counts per Unit Force: "1,000"',
+        "CpF=1000 CpT=50",
+        *(
+            f"Counts/N:,1000\nCounts/{torque}:,50000"
+            for torque in ("Nm", "N-m", "N mm", "N·m", "unit Torque")
+        ),
+    ],
+)
 def test_counts_above_the_header_agree_with_the_key(logs, read, line):
     text = counted(logs, 1000, line + "\n")
     np.testing.assert_allclose(read(text)[0].values, read()[0].values, atol=6e-4)
@@ -115,14 +120,13 @@ def test_a_table_of_several_topics_has_rows_without_the_others(logs, read, nothi
         np.testing.assert_allclose(one.time_s, other.time_s, atol=2e-6)
 
 
-def test_a_row_without_values_is_refused_where_rows_are_counted(logs, read):
+def test_a_row_that_lacks_values_is_refused(logs, read):
     """Dropped, it would move all readings after it."""
     counted = ("file: stage.csv\n  time: {column: t_ms, unit: ms}", "file: ft.csv\n  rate_hz: 100")
     with pytest.raises(TableError, match="X is nothing"):
         read(both_logs(logs), counted)
 
-
-def test_a_row_with_a_part_of_the_values_is_refused(logs, read):
+    # A row with a part of the values is refused
     lines = both_logs(logs).splitlines()
     k = next(i for i, line in enumerate(lines) if i > 50 and line.split(",")[1])
     cells = lines[k].split(",")
@@ -166,6 +170,7 @@ def date(form):
             lambda t: f"{int(t + 3500) // 60}:{(t + 3500) % 60:09.6f}",
             {"column": "Clock", "unit": "h:mm:ss"},
         ),
+        ("Time", lambda t: f"{1.7e9 + t:.6f}", {"column": "Time", "unit": "s"}),
     ],
 )
 def test_stamps_as_dates_in_two_columns_and_of_a_clock(logs, read, header, text, stamp):
@@ -220,6 +225,7 @@ def test_stamps_that_say_too_much_or_too_little(keys):
         (lambda t: f"{3e5 + t:g}", "6 significant digits"),
         (lambda t: f"{1.7e9 + t:.0f}", "a clock with steps of 1 s"),
         (lambda t: "0", "all rows have one time"),
+        (lambda t: f"{t - 0.4 * (t > 12):.6f}", r"runs back by 0\.\d+ s, .* the clock was set there"),
     ],
 )
 def test_stamps_without_their_digits_are_named(logs, read, text, said):
@@ -227,62 +233,45 @@ def test_stamps_without_their_digits_are_named(logs, read, text, said):
         read("\n".join(["Time,Fx,Fy,Fz", *stamped(logs, text)]))
 
 
-def test_whole_microseconds_of_an_epoch_keep_their_digits(logs, read):
-    ft = "\n".join(["Time,Fx,Fy,Fz", *stamped(logs, lambda t: f"{1.7e9 + t:.6f}")])
-    np.testing.assert_allclose(read(ft)[0].time_s, read()[0].time_s, atol=3e-6)
-
-
-def test_a_clock_that_is_set_back_is_no_jitter(logs, read):
-    with pytest.raises(ImportingError, match=r"runs back by 0\.\d+ s, .* the clock was set there"):
-        read("\n".join(["Time,Fx,Fy,Fz", *stamped(logs, lambda t: f"{t - 0.4 * (t > 12):.6f}")]))
-
-
 def later(name, at, by):
     return lambda table: table.assign(**{name: table[name] + by * (table[name] > at)})
 
 
-@pytest.mark.parametrize(
-    ("fault", "said"),
-    [
-        ({"force": later("Time", 20.0, 0.25)}, r"the clock of force steps by 0\.25\d* s at"),
-        ({"stage": later("t_ms", 20e3, 250.0)}, r"the stage's clock steps by 0\.25\d* s at"),
-    ],
-)
-def test_a_clock_that_steps_is_named(tmp_path, fault, said):
-    lab = replace(LAB, presses=8, fault=fault)
-    generate(tmp_path, lab)
-    (tmp_path / "mapping.yaml").write_text(MAPPING)
-    with pytest.raises(ImportingError, match=rf"its lag jumps .* {said}.* split the session"):
-        import_logs(tmp_path / "mapping.yaml", "s1")
+BY_RATE = {
+    "stage": ("time: {column: t_ms, unit: ms}", f"rate_hz: {LAB.stage_hz}"),
+    "force": ("time: {column: Time, unit: s}", f"rate_hz: {LAB.force_hz}"),
+    "wrong": ("time: {column: t_ms, unit: ms}", f"rate_hz: {0.98 * LAB.stage_hz}"),
+}
+JUMPS = {
+    "force clock steps": (
+        {"force": later("Time", 20.0, 0.25)},
+        None,
+        r"its lag jumps .* the clock of force steps by 0\.25\d* s at.* split the session",
+    ),
+    "stage clock steps": (
+        {"stage": later("t_ms", 20e3, 250.0)},
+        None,
+        r"its lag jumps .* the stage's clock steps by 0\.25\d* s at.* split the session",
+    ),
+    "stage by rate lost rows": (
+        {"stage": lambda table: table.drop(range(620, 631))},
+        "stage",
+        r"its lag jumps .* rows of the stage's log were dropped; .*stage.time",
+    ),
+    "force by rate lost rows": (
+        {"force": lambda table: table.drop(range(4220, 4290))},
+        "force",
+        r"its lag jumps .* rows were dropped; .*force.time",
+    ),
+    "wrong rate": (None, "wrong", r"rows of the stage's log were dropped, or a rate is wrong by 0\.02"),
+}
 
 
-@pytest.mark.parametrize("lost", ["stage", "force"])
-def test_a_log_by_rate_that_lost_rows_is_told_of_rows(tmp_path, lost):
-    gone = {
-        "stage": lambda table: table.drop(range(620, 631)),
-        "force": lambda table: table.drop(range(4220, 4290)),
-    }
-    generate(tmp_path, replace(LAB, presses=8, fault={lost: gone[lost]}))
-    mapping = MAPPING.replace("time: {column: t_ms, unit: ms}", f"rate_hz: {LAB.stage_hz}")
-    if lost == "force":
-        mapping = MAPPING.replace("time: {column: Time, unit: s}", f"rate_hz: {LAB.force_hz}")
-    (tmp_path / "mapping.yaml").write_text(mapping)
-    said = (
-        "rows of the stage's log were dropped; .*stage.time"
-        if lost == "stage"
-        else "rows were dropped; .*force.time"
-    )
-    with pytest.raises(ImportingError, match=rf"its lag jumps .* {said}"):
-        import_logs(tmp_path / "mapping.yaml", "s1")
-
-
-def test_a_rate_that_is_wrong_is_told_of_the_rate(tmp_path):
-    generate(tmp_path, replace(LAB, presses=8))
-    rate = MAPPING.replace("time: {column: t_ms, unit: ms}", f"rate_hz: {0.98 * LAB.stage_hz}")
-    (tmp_path / "mapping.yaml").write_text(rate)
-    with pytest.raises(
-        ImportingError, match=r"rows of the stage's log were dropped, or a rate is wrong by 0\.02"
-    ):
+@pytest.mark.parametrize(("fault", "rate", "said"), JUMPS.values(), ids=JUMPS)
+def test_a_lag_that_jumps_is_told_with_its_cause(tmp_path, fault, rate, said):
+    generate(tmp_path, replace(LAB, presses=8, fault=fault or {}))
+    (tmp_path / "mapping.yaml").write_text(MAPPING.replace(*BY_RATE[rate]) if rate else MAPPING)
+    with pytest.raises(ImportingError, match=said):
         import_logs(tmp_path / "mapping.yaml", "s1")
 
 
@@ -299,8 +288,7 @@ def test_frames_are_sorted_by_their_numbers(tmp_path):
         picture(tmp_path / f"frame_{k}.png", 10 * k)
     assert [int(frame.image[0, 0]) for frame in frames(tmp_path)] == [10 * k for k in range(1, 13)]
 
-
-def test_numbers_after_a_point_count_on_or_are_fractions(tmp_path):
+    # Numbers after a point count on or are fractions
     for folder, names in (
         ("counted", [f"cam1.{k}" for k in range(1, 13)]),
         ("fractions", ["t0.5", "t1", "t1.125", "t1.25", "t1.5", "t2.0"]),

@@ -130,7 +130,7 @@ def test_names_that_say_too_little(folder, names, said):
         load_names(mapping(folder, names))
 
 
-def test_a_name_of_another_form_and_a_missing_reference(folder):
+def test_what_does_not_fit_the_description_is_refused(folder):
     (folder / "pictures" / "x1_y2_zdeep_f3.png").write_bytes(b"")
     with pytest.raises(ImportingError, match=r"x1_y2_zdeep_f3\.png: is not of the form"):
         named_readings(folder, load_names(mapping(folder)).images)
@@ -138,8 +138,7 @@ def test_a_name_of_another_form_and_a_missing_reference(folder):
     assert main(["import", str(mapping(folder, reference=None)), "--out", str(folder / "s1")]) != 0
     assert not (folder / "s1").exists()
 
-
-def test_logs_are_not_taken_for_names(folder):
+    # Logs are not taken for names
     path = mapping(folder)
     path.write_text(path.read_text() + "stage: {file: a.csv}\n")
     with pytest.raises(ConfigError, match="images are described, and stage"):

@@ -93,15 +93,14 @@ def test_messages_that_cannot_be_meant(tmp_path, change, said):
     assert log.values[1] == pytest.approx([0.3, 0, -3])
 
 
-def test_a_file_that_was_cut_short(tmp_path):
+def test_files_that_cannot_be_opened(tmp_path, monkeypatch):
     mcap(tmp_path / "run.mcap", {"/ft": [wrench(k) for k in range(60)]})
     whole = (tmp_path / "run.mcap").read_bytes()
     (tmp_path / "run.mcap").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(ImportingError, match=r"run\.mcap: .*mcap recover"):
         read_force(tmp_path, ForceSource(**FORCE), StageSource(**STAGE))
 
-
-def test_a_library_that_is_not_installed(tmp_path, monkeypatch):
+    # A library that is not installed
     (tmp_path / "run.bag").write_bytes(b"#ROSBAG V2.0\n")
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     source = ForceSource(**(FORCE | {"file": "run.bag"}))
@@ -171,7 +170,7 @@ def compressed(frames, form):
     return [{"timestamp": at, "format": form, "data": data} for at, data in zip(stamps, frames)]
 
 
-def test_a_film_in_messages(tmp_path):
+def test_images_in_messages(tmp_path, monkeypatch):
     """The stamps are those in the messages; the chosen frames are the same whether kept or decoded again."""
     shown = [np.full((8, 8), 10 * k, np.uint8) for k in range(24)]
     mcap(tmp_path / "run.mcap", {"/camera": compressed([encoded(image) for image in shown], "png")})
@@ -180,9 +179,7 @@ def test_a_film_in_messages(tmp_path):
     write_frames(film, {5: [tmp_path / "5.png"]})
     assert (cv2.imread(str(tmp_path / "5.png"), -1) == 50).all()
 
-
-def test_a_stream_of_video_has_a_frame_per_message(tmp_path, monkeypatch):
-    """A raw stream of JPEGs takes the place of H.264, which OpenCV's wheels do not write."""
+    # A raw stream of JPEGs takes the place of H.264, which OpenCV's wheels do not write.
     monkeypatch.setitem(message_images.VIDEO, "mjpeg", ".mjpeg")
     shown = [np.full((16, 16, 3), 9 * k, np.uint8) for k in range(22)]
     frames = [encoded(image, ".jpg") for image in shown]
@@ -243,7 +240,7 @@ G4 S1
 """
 
 
-def test_gcode_by_time(tmp_path):
+def test_gcode_by_time_alone_and_as_the_stage_of_a_mapping(tmp_path):
     (tmp_path / "moves.gcode").write_text(GCODE)
     table = gcode_table(tmp_path / "moves.gcode", ["X", "Z"], GCode(acceleration_mm_s2=10))
     z = table["Z"].to_numpy()
@@ -256,6 +253,16 @@ def test_gcode_by_time(tmp_path):
     inches = gcode_table(tmp_path / "moves.gcode", ["Z"], GCode())["Z"]
     assert inches[1] == pytest.approx(127.0)
     assert inches[101] == pytest.approx(127.0 - 25.4)  # at once at full speed: an inch per second
+
+    # Gcode as the stage of a mapping
+    (tmp_path / "moves.gcode").write_text(GCODE)
+    keys = {"file": "moves.gcode", "gcode": {"acceleration_mm_s2": 10}, "x": "X", "y": "Y", "z": "Z", "unit": "mm",
+            "pressing": "-z"}  # fmt: skip
+    log = read_stage(tmp_path, StageSource(**keys), ForceSource(**FORCE))
+    assert log.period_s == pytest.approx(0.01)
+    assert log.values[0] == pytest.approx([1, 2, -5])
+    with pytest.raises(ConfigError, match=r"gcode makes times from feed rates"):
+        section_from(StageSource, keys | {"rate_hz": 10}, "stage")
 
 
 @pytest.mark.parametrize(
@@ -272,14 +279,3 @@ def test_gcode_that_says_too_little(tmp_path, old, new, said):
     (tmp_path / "moves.gcode").write_text(GCODE.replace(old, new))
     with pytest.raises(ImportingError, match=said):
         gcode_table(tmp_path / "moves.gcode", ["Z"], GCode())
-
-
-def test_gcode_as_the_stage_of_a_mapping(tmp_path):
-    (tmp_path / "moves.gcode").write_text(GCODE)
-    keys = {"file": "moves.gcode", "gcode": {"acceleration_mm_s2": 10}, "x": "X", "y": "Y", "z": "Z", "unit": "mm",
-            "pressing": "-z"}  # fmt: skip
-    log = read_stage(tmp_path, StageSource(**keys), ForceSource(**FORCE))
-    assert log.period_s == pytest.approx(0.01)
-    assert log.values[0] == pytest.approx([1, 2, -5])
-    with pytest.raises(ConfigError, match=r"gcode makes times from feed rates"):
-        section_from(StageSource, keys | {"rate_hz": 10}, "stage")

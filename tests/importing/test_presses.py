@@ -81,16 +81,6 @@ def test_motions_without_force_are_no_presses(tmp_path):
     assert len(found.presses.untouched_s) == 1
 
 
-def test_a_log_that_begins_within_a_press(tmp_path):
-    lab = replace(LAB, cut_force_s=(4.6, 0.0))
-    with pytest.raises(
-        ImportingError, match=r"indentation 1 at .* the force log begins within it, .* set incomplete: drop"
-    ):
-        imported(tmp_path, lab)
-    _, found = imported(tmp_path, lab, MAPPING + "incomplete: drop\n")
-    assert [press.number for press in found.presses.kept] == [2, 3, 4, 5, 6]
-
-
 def slipping(t, push, number):
     """Return the force of the third press lost in the middle of its wait."""
     rows = np.flatnonzero((number == 2) & (push > 0))
@@ -101,17 +91,32 @@ def slipping(t, push, number):
     return push
 
 
-def test_a_press_that_slips_off(tmp_path):
-    lab = replace(LAB, fault={"push": slipping})
-    with pytest.raises(
-        ImportingError, match=r"indentation 3 at .* the indenter slipped off; leave it out with skip: \[3\]"
-    ):
+FAULTY_PRESS = {
+    "the log begins within it": (
+        {"cut_force_s": (4.6, 0.0)},
+        r"indentation 1 at .* the force log begins within it, .* set incomplete: drop",
+        "incomplete: drop\n",
+        [2, 3, 4, 5, 6],
+    ),
+    "the indenter slips off": (
+        {"fault": {"push": slipping}},
+        r"indentation 3 at .* the indenter slipped off; leave it out with skip: \[3\]",
+        "skip: [3]\n",
+        [1, 2, 4, 5, 6],
+    ),
+}
+
+
+@pytest.mark.parametrize(("traits", "said", "remedy", "kept"), FAULTY_PRESS.values(), ids=FAULTY_PRESS)
+def test_a_faulty_press_is_named_and_left_out_by_the_remedy(tmp_path, traits, said, remedy, kept):
+    lab = replace(LAB, **traits)
+    with pytest.raises(ImportingError, match=said):
         imported(tmp_path, lab)
-    _, found = imported(tmp_path, lab, MAPPING + "skip: [3]\n")
-    assert [press.number for press in found.presses.kept] == [1, 2, 4, 5, 6]
+    _, found = imported(tmp_path, lab, MAPPING + remedy)
+    assert [press.number for press in found.presses.kept] == kept
 
 
-def test_a_tilted_surface_needs_its_own_zero(tmp_path):
+def test_depth_zero_agrees_with_the_force(tmp_path):
     lab = replace(LAB, contact_scatter_mm=0.15)
     with pytest.raises(ImportingError, match=r"contact points lie up to .* set depth_zero: press"):
         imported(tmp_path, lab)
@@ -119,8 +124,7 @@ def test_a_tilted_surface_needs_its_own_zero(tmp_path):
     assert np.ptp(truth.contact_z_mm) > 0.2
     assert np.abs(found.contacts["contact_mm"] - truth.contact_z_mm).max() < 2 * CONTACT_MM
 
-
-def test_a_declared_zero_that_the_force_denies(tmp_path):
+    # A declared zero that the force denies
     with pytest.raises(ImportingError, match=r"depth_zero\.at_mm is 31\.8 mm, .* 31\.3"):
         imported(tmp_path, LAB, MAPPING.replace("depth_zero: session", "depth_zero: {at_mm: 31.8}"))
     _, found = imported(tmp_path, LAB, MAPPING.replace("depth_zero: session", "depth_zero: {at_mm: 31.37}"))

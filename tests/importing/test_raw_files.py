@@ -23,146 +23,98 @@ def logs(tmp_path_factory):
     return folder
 
 
-def refused(logs, tmp_path, mapping, kind, said, **files):
-    """Import copies of the logs, some of them replaced; the error is one line and says this."""
-    for name in ("ft.csv", "stage.csv"):
-        (tmp_path / name).write_bytes((logs / name).read_bytes())
-    for name, content in files.items():
-        (tmp_path / name.replace("__", ".")).write_text(content)
+def swapped(lines):
+    return [*lines[:100], lines[101], lines[100], *lines[102:]]
+
+
+def of_two_robots(lines):
+    """Move 20 rows by 450 mm."""
+    moved = [line.split(",") for line in lines[40:60]]
+    return [*lines[:40], *(f"{t},{float(x) + 450e3},{y},{z}" for t, x, y, z in moved), *lines[60:]]
+
+
+def with_force(values):
+    """Return a change of ft.csv: other values of each row below the header."""
+    return lambda lines: [lines[0], *(values(line) for line in lines[1:])]
+
+
+CAMERA = "camera: {{video: {}, rate_hz: 25}}\n"
+FORCE, STAGE = "file: ft.csv", "file: stage.csv"
+EXCHANGED = MAPPING.replace(FORCE, "file: X").replace(STAGE, FORCE).replace("file: X", STAGE)
+POUNDS = MAPPING.replace("[Fx, Fy, Fz]", '["Fx (lbf)", "Fy (lbf)", "Fz (lbf)"]')
+# by name: the mapping, what becomes of the lines of files, the error
+REFUSED = {
+    "an empty file": (MAPPING, {"ft.csv": lambda lines: []}, r"ft\.csv: no header line"),
+    "a header alone": (
+        MAPPING,
+        {"ft.csv": lambda lines: [lines[0], ""]},
+        r"ft\.csv: no rows below the header",
+    ),
+    "exchanged files": (
+        EXCHANGED,
+        {},
+        r"exchange force\.file and stage\.file|exchange stage\.file and force\.file",
+    ),
+    "a pickle": (
+        MAPPING.replace("ft.csv", "ft.pkl"),
+        {},
+        r"a pickle can run code .* save the table as CSV",
+    ),
+    "pickled frames": (MAPPING + CAMERA.format("film.pkl"), {}, r"a pickle .* export the frames as images"),
+    "an archive": (MAPPING.replace("ft.csv", "ft.zip"), {}, r"an archive .* into a new folder"),
+    "time that runs back": (
+        MAPPING,
+        {"ft.csv": swapped},
+        r"row 102: the time runs back by .* set force\.even: true",
+    ),
+    "a gap": (
+        MAPPING,
+        {"stage.csv": lambda lines: lines[:60] + lines[90:]},
+        r"no row between .* record without gaps",
+    ),
+    "rows of two robots": (
+        MAPPING,
+        {"stage.csv": of_two_robots},
+        r"jumps by 450 mm within .* \(2 times\).* rows of two robots or of two frames .* keep those of one",
+    ),
+    "a column without numbers": (
+        MAPPING,
+        {"ft.csv": with_force(lambda line: line.rsplit(",", 1)[0] + ",")},
+        r"ft\.csv, row 2: .*Fz",
+    ),
+    "a dead force": (
+        MAPPING,
+        {"ft.csv": with_force(lambda line: line.split(",")[0] + ",0.0,0.0,0.0")},
+        r"does not follow the stage",
+    ),
+    "a folder in the place of a log": (
+        MAPPING.replace("stage.csv", "frames"),
+        {},
+        r"frames: a folder, no file",
+    ),
+    "a header that says another unit": (
+        POUNDS,
+        {"ft.csv": lambda lines: ["Time,Fx (lbf),Fy (lbf),Fz (lbf)", *lines[1:]]},
+        r"'Fx \(lbf\)' says lbf, force\.unit says N; set force\.unit: lbf",
+    ),
+    "a video that is none": (
+        MAPPING + CAMERA.format("film.avi"),
+        {"film.avi": lambda lines: ["no video"]},
+        r"film\.avi: no frame can be decoded",
+    ),
+}
+
+
+@pytest.mark.parametrize(("mapping", "changes", "said"), REFUSED.values(), ids=REFUSED)
+def test_logs_that_cannot_be_meant(logs, tmp_path, mapping, changes, said):
+    (tmp_path / "frames").mkdir()
+    for name in {"ft.csv", "stage.csv", *changes}:
+        lines = (logs / name).read_text().splitlines() if (logs / name).is_file() else []
+        (tmp_path / name).write_text("\n".join(changes.get(name, list)(lines)))
     (tmp_path / "mapping.yaml").write_text(mapping)
-    with pytest.raises(kind, match=said) as error:
+    with pytest.raises((ImportingError, TableError), match=said) as error:
         import_logs(tmp_path / "mapping.yaml", "s1")
     assert "\n" not in str(error.value)
-
-
-def test_an_empty_file(logs, tmp_path):
-    refused(logs, tmp_path, MAPPING, TableError, r"ft\.csv: no header line", ft__csv="")
-
-
-def test_a_header_alone(logs, tmp_path):
-    refused(
-        logs, tmp_path, MAPPING, TableError, r"ft\.csv: no rows below the header", ft__csv="Time,Fx,Fy,Fz\n"
-    )
-
-
-def test_exchanged_files(logs, tmp_path):
-    swapped = (
-        MAPPING.replace("file: ft.csv", "file: X")
-        .replace("file: stage.csv", "file: ft.csv")
-        .replace("file: X", "file: stage.csv")
-    )
-    refused(
-        logs,
-        tmp_path,
-        swapped,
-        ImportingError,
-        r"exchange force\.file and stage\.file|exchange stage\.file and force\.file",
-    )
-
-
-def test_a_pickle(logs, tmp_path):
-    refused(
-        logs,
-        tmp_path,
-        MAPPING.replace("ft.csv", "ft.pkl"),
-        ImportingError,
-        r"a pickle can run code .* save the table as CSV",
-    )
-
-
-def test_pickled_frames_and_an_archive(logs, tmp_path):
-    camera = "camera: {{video: {}, rate_hz: 25}}\n"
-    refused(
-        logs,
-        tmp_path,
-        MAPPING + camera.format("film.pkl"),
-        ImportingError,
-        r"a pickle .* export the frames as images",
-    )
-    refused(
-        logs,
-        tmp_path,
-        MAPPING.replace("ft.csv", "ft.zip"),
-        ImportingError,
-        r"an archive .* into a new folder",
-    )
-
-
-def test_time_that_runs_back(logs, tmp_path):
-    lines = (logs / "ft.csv").read_text().splitlines()
-    lines[100], lines[101] = lines[101], lines[100]
-    refused(
-        logs,
-        tmp_path,
-        MAPPING,
-        ImportingError,
-        r"row 102: the time runs back by .* set force\.even: true",
-        ft__csv="\n".join(lines),
-    )
-
-
-def test_a_gap(logs, tmp_path):
-    lines = (logs / "stage.csv").read_text().splitlines()
-    refused(
-        logs,
-        tmp_path,
-        MAPPING,
-        ImportingError,
-        r"no row between .* record without gaps",
-        stage__csv="\n".join(lines[:60] + lines[90:]),
-    )
-
-
-def test_rows_of_two_robots(logs, tmp_path):
-    lines = (logs / "stage.csv").read_text().splitlines()
-    for k in range(40, 60):
-        time, x, y, z = lines[k].split(",")
-        lines[k] = f"{time},{float(x) + 450e3},{y},{z}"
-    refused(
-        logs,
-        tmp_path,
-        MAPPING,
-        ImportingError,
-        r"jumps by 450 mm within .* \(2 times\).* rows of two robots or of two frames .* keep those of one",
-        stage__csv="\n".join(lines),
-    )
-
-
-def test_a_column_without_numbers(logs, tmp_path):
-    lines = (logs / "ft.csv").read_text().splitlines()
-    empty = [lines[0]] + [line.rsplit(",", 1)[0] + "," for line in lines[1:]]
-    refused(logs, tmp_path, MAPPING, TableError, r"ft\.csv, row 2: .*Fz", ft__csv="\n".join(empty))
-
-
-def test_a_force_that_is_dead(logs, tmp_path):
-    lines = (logs / "ft.csv").read_text().splitlines()
-    dead = [lines[0]] + [line.split(",")[0] + ",0.0,0.0,0.0" for line in lines[1:]]
-    refused(logs, tmp_path, MAPPING, ImportingError, r"does not follow the stage", ft__csv="\n".join(dead))
-
-
-def test_a_folder_in_the_place_of_a_log(logs, tmp_path):
-    (tmp_path / "frames").mkdir()
-    refused(logs, tmp_path, MAPPING.replace("stage.csv", "frames"), TableError, r"frames: a folder, no file")
-
-
-def test_a_header_that_says_another_unit(logs, tmp_path):
-    text = (logs / "ft.csv").read_text().replace("Fx,Fy,Fz", "Fx (lbf),Fy (lbf),Fz (lbf)")
-    mapping = MAPPING.replace("[Fx, Fy, Fz]", '["Fx (lbf)", "Fy (lbf)", "Fz (lbf)"]')
-    refused(
-        logs,
-        tmp_path,
-        mapping,
-        ImportingError,
-        r"'Fx \(lbf\)' says lbf, force\.unit says N; set force\.unit: lbf",
-        ft__csv=text,
-    )
-
-
-def test_a_video_that_is_none(logs, tmp_path):
-    mapping = MAPPING + "camera: {video: film.avi, rate_hz: 25}\n"
-    refused(
-        logs, tmp_path, mapping, ImportingError, r"film\.avi: no frame can be decoded", film__avi="no video"
-    )
 
 
 @pytest.mark.parametrize(

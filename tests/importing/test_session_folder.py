@@ -23,7 +23,7 @@ def session(tmp_path_factory):
     return folder / "s1", truth
 
 
-def test_the_session_is_accepted_without_findings(session):
+def test_the_session_is_accepted_and_its_page_shows_the_contacts(session):
     folder, truth = session
     recording = read_recording(folder)
     assert [line for line in recording.findings.lines("error", "excluded")] == []
@@ -37,6 +37,12 @@ def test_the_session_is_accepted_without_findings(session):
     elastic = LAB.stiffness * d**1.5 * (1 + 0.15 * d)
     ratio = -held["fz_N"].last().to_numpy() / elastic
     assert ((1 - LAB.relaxes - 0.02 < ratio) & (ratio < 1.0)).all()
+
+    # Page and table of presses lie beside
+    page = cv2.imread(str(folder / "import.png"))
+    assert page.shape[1] > 1000
+    found = pd.read_csv(folder / "import.csv")
+    assert np.abs(found["contact_mm"] - truth.contact_z_mm).max() < 0.04
 
 
 def test_images_show_their_depth(session):
@@ -54,14 +60,6 @@ def test_images_show_their_depth(session):
     assert still.max() < 0.5 * moved.min()
     depth = named.loc[moved.index, "depth_mm"].astype(float)
     assert moved[depth > 1.0].min() > moved[depth < 0.5].max()
-
-
-def test_page_and_table_of_presses_lie_beside(session):
-    folder, truth = session
-    page = cv2.imread(str(folder / "import.png"))
-    assert page.shape[1] > 1000
-    found = pd.read_csv(folder / "import.csv")
-    assert np.abs(found["contact_mm"] - truth.contact_z_mm).max() < 0.04
 
 
 def test_nothing_is_replaced_and_names_are_names(session, capsys):

@@ -38,7 +38,7 @@ def path(tmp_path):
     return path
 
 
-def test_round_trip(tmp_path):
+def test_round_trip_with_units_and_of_what_is_asked_for(tmp_path, path):
     cell = invented_cell()
     write_cell(tmp_path / "a.h5", cell)
     back = read_cell(tmp_path / "a.h5")
@@ -51,6 +51,14 @@ def test_round_trip(tmp_path):
     assert list(back.attributes["regions"]) == ["gel", "skin"]
     assert back.converged
 
+    # Only what is asked for is read
+    assert set(read_cell(path, ["depth_mm"]).arrays) == {"depth_mm"}
+
+    # Every dataset has unit and description
+    with h5py.File(path) as file:
+        for name, data in file.items():
+            assert (data.attrs["units"], data.attrs["description"]) == DATASETS[name]
+
 
 def test_the_order_of_the_arrays_changes_no_byte(path, tmp_path):
     """Names in a set come in another order in each process, as of the bars of a mirrored cell once."""
@@ -58,16 +66,6 @@ def test_the_order_of_the_arrays_changes_no_byte(path, tmp_path):
     write_cell(tmp_path / "one.h5", cell)
     write_cell(tmp_path / "other.h5", Cell(dict(reversed(cell.arrays.items())), cell.attributes))
     assert (tmp_path / "one.h5").read_bytes() == (tmp_path / "other.h5").read_bytes()
-
-
-def test_only_what_is_asked_for_is_read(path):
-    assert set(read_cell(path, ["depth_mm"]).arrays) == {"depth_mm"}
-
-
-def test_every_dataset_has_unit_and_description(path):
-    with h5py.File(path) as file:
-        for name, data in file.items():
-            assert (data.attrs["units"], data.attrs["description"]) == DATASETS[name]
 
 
 def test_an_interrupted_write_leaves_the_old_file_and_no_remains(path, monkeypatch):
@@ -115,12 +113,11 @@ def test_a_truncated_file_is_named(path, share):
         read_cell(path)
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_file_or_dataset_is_named(tmp_path, path):
     with pytest.raises(CellError, match=r"gone\.h5: no such file; simulate it again"):
         read_cell(tmp_path / "gone.h5")
 
-
-def test_a_missing_dataset_is_named(path):
+    # A missing dataset is named
     with pytest.raises(CellError, match=r"x0_y0\.h5: datasets \['gel_hex'\] are missing"):
         read_cell(path, ["depth_mm", "gel_hex"])
 

@@ -135,7 +135,7 @@ def test_scaling_every_layer_scales_the_force():
 
 
 # ---------------------------------------------------------------------------------------------------- geometry
-def test_a_thicker_layer_is_the_mesh_of_the_thicker_sensor():
+def test_a_thicker_or_graded_layer_moves_the_mesh():
     """3 mm of gel in three elements moved to 3.3 mm: the nodes of the sensor drawn with 3.3 mm, in three elements too."""
     even = {"mesh": {"near_mm": 1.0, "far_mm": 1.0}}
     nominal = with_keys(specimens.study(**even), geometry={"thickness": {"gel": {"change_mm": 0.3}}})
@@ -146,8 +146,7 @@ def test_a_thicker_layer_is_the_mesh_of_the_thicker_sensor():
     assert_allclose(moved.X, mesh_of(drawn).X, atol=1e-12)
     assert np.array_equal(moved.fixed, mesh_of(drawn).fixed)
 
-
-def test_a_graded_layer_stands_on_a_flat_base_under_a_plane_top():
+    # A graded layer stands on a flat base under a plane top
     graded = with_keys(study(), geometry={"thickness": {"gel": {"gradient": [0.02, -0.01]}}})
     mesh = mesh_of(graded)
     moved = moved_mesh(mesh, graded.sensor, graded.mechanics.effects)
@@ -208,7 +207,7 @@ def test_a_uniform_prestretch_of_a_lone_free_layer_is_not_felt_but_a_held_one_pu
 
 
 # -------------------------------------------------------------------------------------------- pose and machine
-def test_where_the_indenter_really_is():
+def test_where_and_how_deep_the_indenter_really_is():
     k = {"misregistration_mm": [0.3, -0.1], "yaw_deg": 90.0 / 2, "grid_scale": 0.01}
     moved = with_keys(study(), kinematics=k)
     x, y = real_place(moved.sensor, moved.mechanics.effects, 10.0, 8.0)
@@ -218,15 +217,14 @@ def test_where_the_indenter_really_is():
     there = PlannedCell("b", specimens.CORNER[0] + 0.2, specimens.CORNER[1], (0.4,))
     assert force(shifted)[2] == pytest.approx(force(study(), planned=there)[2], rel=0.03)
 
-
-def test_contact_zero_is_depth():
+    # Contact zero is depth
     deeper = with_keys(study(), kinematics={"contact_zero_mm": 0.05})
     planned = PlannedCell("a", *specimens.CORNER, (0.35,))
     # the same pose reached in one step on the same mesh: only what the fine region's size does differs
     assert_allclose(force(deeper, planned=planned), force(study()), rtol=1e-6)
 
 
-def test_a_tilted_ball_touches_its_plane():
+def test_depth_from_one_touch_is_that_of_the_tilted_or_thicker_gel():
     tilted = with_keys(study(), kinematics={"tilt_deg": [2.0, -1.0], "zero_by": "session"})
     effects, ball = tilted.mechanics.effects, Sphere(5.0)
     start, lead = plane_touch(tilted.sensor, effects, ball, 10.0, 9.0)
@@ -239,6 +237,12 @@ def test_a_tilted_ball_touches_its_plane():
     by_press = with_keys(tilted, kinematics={"zero_by": "press"}).mechanics.effects
     assert plane_touch(tilted.sensor, by_press, ball, 10.0, 9.0)[1] == 0
 
+    # Depth from one touch is more where the gel is thicker
+    wedge = {"thickness": {"gel": {"gradient": [0.02, -0.01]}}}
+    graded = with_keys(study(), geometry=wedge, kinematics={"zero_by": "session"})
+    _, lead = plane_touch(graded.sensor, graded.mechanics.effects, Sphere(5.0), 10.0, 7.0)
+    assert lead == pytest.approx(0.02 * 2 + 0.01 * 1, abs=1e-12)  # so much nearer is the top of a plane wedge
+
 
 @pytest.mark.parametrize("turn_deg", [1.5, -3.0])
 def test_depth_from_one_touch_is_as_deep_as_the_turned_top_lets_it_be(turn_deg):
@@ -248,13 +252,6 @@ def test_depth_from_one_touch_is_as_deep_as_the_turned_top_lets_it_be(turn_deg):
     start, lead = plane_touch(tilted.sensor, tilted.mechanics.effects, Sphere(5.0), 8.0 + x, 8.0)
     along = np.array([np.sin(a), 0.0, -np.cos(a)])  # of the machine's way down, in the sensor's axes
     assert (start + (d + lead) * along)[2] == pytest.approx(5.0 + x * np.sin(a) - d * np.cos(a), abs=1e-12)
-
-
-def test_depth_from_one_touch_is_more_where_the_gel_is_thicker():
-    wedge = {"thickness": {"gel": {"gradient": [0.02, -0.01]}}}
-    graded = with_keys(study(), geometry=wedge, kinematics={"zero_by": "session"})
-    _, lead = plane_touch(graded.sensor, graded.mechanics.effects, Sphere(5.0), 10.0, 7.0)
-    assert lead == pytest.approx(0.02 * 2 + 0.01 * 1, abs=1e-12)  # so much nearer is the top of a plane wedge
 
 
 def test_tilting_is_pressing_obliquely():
@@ -276,7 +273,7 @@ def test_tilting_is_pressing_obliquely():
     assert_allclose(turned, same, rtol=1e-6, atol=1e-9)
 
 
-def test_a_yielding_frame_is_solved_with_the_force():
+def test_a_frame_and_a_base_plate_yield_with_the_force():
     c = 0.1
     soft = with_keys(study(), kinematics={"frame_compliance_mm_per_N": c})
     cell = simulate_cell(soft, LAWS, PlannedCell("a", *specimens.CORNER, (0.4, 0.8)))
@@ -288,8 +285,7 @@ def test_a_yielding_frame_is_solved_with_the_force():
     error = np.linalg.norm(cell.arrays["total_force_N"] - at_depth, axis=1)
     assert (error < 5e-4 * np.linalg.norm(at_depth, axis=1)).all()
 
-
-def test_a_base_plate_yields_most_in_its_middle():
+    # A base plate yields most in its middle
     bent = with_keys(study(), kinematics={"base_bending_mm_per_N": 0.1})
     effects = bent.mechanics.effects
     assert_allclose(yielding(bent.sensor, effects, 8.0, 8.0), [0, 0, -0.1], atol=1e-15)
@@ -298,7 +294,7 @@ def test_a_base_plate_yields_most_in_its_middle():
 
 
 # --------------------------------------------------------------------------------------- catalogue and refusals
-def test_the_catalogue_says_what_a_reader_needs():
+def test_the_catalogue_says_what_a_reader_needs_and_adds_to_a_study():
     families = {"material", "history", "contact", "geometry", "kinematics"}
     for name, effect in CATALOGUE.items():
         assert effect.name == name and effect.family in families
@@ -306,8 +302,7 @@ def test_the_catalogue_says_what_a_reader_needs():
     with pytest.raises(ValueError, match="on .1. or off .0."):
         CATALOGUE["frictionless"](study(), 0.5)
 
-
-def test_an_effect_is_added_to_what_the_study_has():
+    # An effect is added to what the study has
     both = CATALOGUE["void"](CATALOGUE["inclusion"](study(), 0.6), 0.5, Place(5.0, 5.0, -2.0, 0.8))
     found = [i.factor for i in both.mechanics.effects.geometry.inclusions]
     assert found == [

@@ -44,7 +44,7 @@ def down(place, depth=0.8):
     return Trajectory(*place, (depth,), ("load",))
 
 
-def test_planned_depths_become_presses_of_their_own():
+def test_paths_have_times_and_planned_depths_are_presses_of_their_own():
     path = in_time(Trajectory(*A, (0.3, 0.6), ("load", "load")), PressTiming(**TIMING))
     assert path.presses == (slice(0, 7), slice(7, 15))
     assert path.readings == (6, 14)
@@ -55,8 +55,7 @@ def test_planned_depths_become_presses_of_their_own():
         assert (np.diff(times[press]) > 0).all()
         assert np.array(path.trajectory.depths_mm)[press][-1] == depth
 
-
-def test_a_path_keeps_its_times_and_its_phases():
+    # A path keeps its times and its phases
     stamped = Trajectory(*A, (0.3, 0.3), ("load", "dwell"), times_s=(0.5, 9.0))
     assert in_time(stamped, PressTiming()).trajectory.times_s == (0.5, 9.0)
     moved = Trajectory(*A, (0.3, 0.3, 0.1), ("load", "dwell", "unload"))
@@ -99,7 +98,7 @@ def test_speed_and_wait_decide_what_is_read():
     assert 1.4 * plain < fast < 1.51 * plain
 
 
-def test_presses_as_deep_again_are_as_hard_and_shallower_ones_are_not():
+def test_presses_soften_up_to_the_depth_seen_and_no_further():
     """Ogden & Roxburgh's curves meet again where they were left, so only what the grid and friction's path change is seen.
 
     That is a tenth of the softening at most: the energy density varies by half within this mesh's elements of 1 mm, and the
@@ -111,8 +110,7 @@ def test_presses_as_deep_again_are_as_hard_and_shallower_ones_are_not():
     assert softer > 0.2
     assert [second[0], third[0]] == pytest.approx([first[0]] * 2, rel=softer / 10)
 
-
-def test_beyond_what_it_has_seen_it_is_as_new():
+    # Beyond what it has seen it is as new
     _, grid = presses(softening(), down(A, 0.4))
     (deeper,), _ = presses(softening(), down(A, 0.8), grid=grid)
     (untouched,), _ = presses(softening(), down(A, 0.8))

@@ -59,7 +59,7 @@ def block(width, *layers, **mechanics):
 
 
 # -------------------------------------------------------------------------------------------------- wall and flange
-def test_a_stiffer_wall_is_a_wall_of_a_stiffer_law():
+def test_a_wall_of_another_stiffness_is_that_law_or_no_wall():
     study = specimens.study(**TIGHT)
     stiffer = with_keys(study, material={"stiffness_factor": {"wall": 1.5}})
     skin = specimens.SKIN
@@ -70,8 +70,7 @@ def test_a_stiffer_wall_is_a_wall_of_a_stiffer_law():
     # two solutions to 1e-9 of the force
     assert_allclose(force(stiffer, place=specimens.CORNER), cell.arrays["total_force_N"][-1], rtol=1e-7)
 
-
-def test_a_wall_as_stiff_as_the_gel_is_no_wall():
+    # A wall as stiff as the gel is no wall
     laws = {"soft": NeoHooke(0.01), "stiff": NeoHooke(0.2)}
     soft_wall = with_keys(specimens.study(**EVEN), material={"stiffness_factor": {"wall": 0.01 / 0.2}})
     none = specimens.study(sensor={"wall_mm": 0.0}, **EVEN)
@@ -160,7 +159,7 @@ def stretched(width):
     return model_of(study.sensor, study.indenter, study.mechanics, {"gel": NeoHooke(MU)}, path)
 
 
-def test_a_residual_stretch_pulls_at_a_cut_as_the_law_says():
+def test_a_residual_stretch_pulls_at_a_cut_and_at_its_base():
     """As it lies, with the pressure that leaves its top free: mu (lam^2 - lam^-4) per area of its sides, inside nothing."""
     body = stretched(10.0).body
     X = body.mesh.X
@@ -171,13 +170,9 @@ def test_a_residual_stretch_pulls_at_a_cut_as_the_law_says():
     inner = (np.abs(X[:, :2] - 5.0) < 4.9).all(axis=1) & (X[:, 2] > -0.9)
     assert np.abs(force[inner]).max() < 1e-14 * PULL
 
-
-def test_a_stretched_layer_that_has_found_its_balance_pulls_its_base_inwards():
-    """What holds each half is the pull of the cut between them, of which its sides have relaxed a part.
-
-    That part falls by half for every 1 mm = thickness further away: 8, 4 and 0.9 % were measured in the middle of 10, 12
-    and 16 mm, so 0.2 % are left of 20 mm.
-    """
+    # What holds each half is the pull of the cut between them, of which its sides have relaxed a
+    # part. That part falls by half for every 1 mm = thickness further away: 8, 4 and 0.9 % were
+    # measured in the middle of 10, 12 and 16 mm, so 0.2 % are left of 20 mm.
     width = 20.0
     of = stretched(width)
     press, away = Press(of.body, of.shape, of.settings), of.start + [0.0, 0.0, 1.0]

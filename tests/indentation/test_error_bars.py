@@ -68,7 +68,7 @@ def bins():
     return field.reshape(3, 100, 3)
 
 
-def test_equal_solutions_leave_the_least_bars_on_loaded_bins_alone(bins):
+def test_equal_solutions_leave_the_least_bars_and_a_uniform_difference_its_part(bins):
     bars, _ = bars_of(bins, bins)
     size, largest = np.linalg.norm(bins, axis=-1, keepdims=True), np.abs(bins).max(axis=(1, 2), keepdims=True)
     expected = np.hypot(SHARE_BINS * size, LEAST_BINS * largest * (size > 0)) * np.ones(3)  # x, y, z alike
@@ -77,8 +77,17 @@ def test_equal_solutions_leave_the_least_bars_on_loaded_bins_alone(bins):
     share = SHARE_LAYERS / THROUGH**2 * np.abs(bins.sum(axis=1))
     assert_allclose(bars["total_sigma_mesh_N"], np.hypot(uncancelled, share), rtol=1e-12)
 
+    # Inside a field that differs by the same vector everywhere the mean square is that of the
+    # vector.
+    vector = np.array([0.3, -0.1, 0.5])
+    bars, _ = bars_of(bins, bins + vector)
+    middle = bars["bin_sigma_mesh_N"].reshape(3, 10, 10, 3)[:, 5, 5]
+    none, _ = bars_of(bins, bins)
+    least = none["bin_sigma_mesh_N"].reshape(3, 10, 10, 3)[:, 5, 5]
+    assert_allclose(middle, np.hypot(PART_BINS * np.abs(vector), least), rtol=1e-12)
 
-def test_the_bars_of_a_depth_do_not_depend_on_the_other_depths(bins):
+
+def test_bars_depend_on_no_other_depth_and_on_no_name_of_an_axis(bins):
     coarse = bins + 0.1 * np.random.default_rng(3).normal(size=bins.shape)
     together, _ = bars_of(bins, coarse)
     for depth in range(len(bins)):
@@ -86,20 +95,29 @@ def test_the_bars_of_a_depth_do_not_depend_on_the_other_depths(bins):
         for name, values in alone.items():
             assert_allclose(values[0], together[name][depth], rtol=1e-12)
 
+    # X and y changed over: bars are changed over.
+    rng = np.random.default_rng(7)
+    coarse = bins + 0.1 * rng.normal(size=bins.shape)
 
-def test_few_nodes_in_contact_widen_the_bar_of_the_total():
+    def swapped(field):
+        return field.reshape(3, 10, 10, 3).swapaxes(1, 2)[..., [1, 0, 2]].reshape(3, 100, 3)
+
+    straight, _ = bars_of(bins, coarse)
+    turned, _ = bars_of(swapped(bins), swapped(coarse))
+    assert_allclose(turned["bin_sigma_mesh_N"], swapped(straight["bin_sigma_mesh_N"]), rtol=1e-12)
+    assert_allclose(turned["total_sigma_mesh_N"], straight["total_sigma_mesh_N"][:, [1, 0, 2]], rtol=1e-12)
+
+
+def test_few_nodes_or_few_elements_widen_the_bar_of_the_total():
     total = np.array([[0.1, 0.0, -1.0]])
     few, many = (touch_totals(total, np.array([n])) for n in (4, 40))
     assert_allclose(few, 10 * many, rtol=1e-12)
     assert_allclose(few[0], SHARE_TOUCH / 4 * np.abs(total[0]), rtol=1e-12)
 
-
-def test_half_as_many_elements_through_a_gel_widen_the_bar_of_the_total_fourfold():
-    total = np.array([[0.1, 0.0, -1.0]])
-    assert_allclose(
-        layer_totals(total, Resolution(3.0)), 4 * layer_totals(total, Resolution(6.0)), rtol=1e-12
-    )
-    assert_allclose(layer_totals(total, Resolution(6.0)), SHARE_LAYERS / 36 * np.abs(total), rtol=1e-12)
+    # Half as many elements through a gel widen the bar of the total fourfold
+    few, many = (layer_totals(total, Resolution(n)) for n in (3.0, 6.0))
+    assert_allclose(few, 4 * many, rtol=1e-12)
+    assert_allclose(many, SHARE_LAYERS / 36 * np.abs(total), rtol=1e-12)
 
 
 def test_stiff_layers_and_walls_widen_the_bar_of_the_total_by_their_contrast():
@@ -169,30 +187,6 @@ def test_a_total_that_agrees_by_chance_keeps_what_its_bins_differ_by(bins):
     share = SHARE_LAYERS / THROUGH**2 * np.abs(bins.sum(axis=1))
     assert_allclose(bars["total_sigma_mesh_N"], np.hypot(PART_OF_BINS * together, share), rtol=1e-9)
     assert (bars["total_sigma_mesh_N"][:, 2] > PART_OF_BINS * PART_BINS[2] * 0.2).all()
-
-
-def test_a_uniform_difference_gives_its_part(bins):
-    """Inside a field that differs by the same vector everywhere the mean square is that of the vector."""
-    vector = np.array([0.3, -0.1, 0.5])
-    bars, _ = bars_of(bins, bins + vector)
-    middle = bars["bin_sigma_mesh_N"].reshape(3, 10, 10, 3)[:, 5, 5]
-    none, _ = bars_of(bins, bins)
-    least = none["bin_sigma_mesh_N"].reshape(3, 10, 10, 3)[:, 5, 5]
-    assert_allclose(middle, np.hypot(PART_BINS * np.abs(vector), least), rtol=1e-12)
-
-
-def test_bars_do_not_depend_on_the_names_of_the_axes(bins):
-    """x and y changed over: bars are changed over."""
-    rng = np.random.default_rng(7)
-    coarse = bins + 0.1 * rng.normal(size=bins.shape)
-
-    def swapped(field):
-        return field.reshape(3, 10, 10, 3).swapaxes(1, 2)[..., [1, 0, 2]].reshape(3, 100, 3)
-
-    straight, _ = bars_of(bins, coarse)
-    turned, _ = bars_of(swapped(bins), swapped(coarse))
-    assert_allclose(turned["bin_sigma_mesh_N"], swapped(straight["bin_sigma_mesh_N"]), rtol=1e-12)
-    assert_allclose(turned["total_sigma_mesh_N"], straight["total_sigma_mesh_N"][:, [1, 0, 2]], rtol=1e-12)
 
 
 def test_what_the_total_differs_by_is_the_same_share_of_the_force_at_every_depth(bins):
@@ -324,7 +318,7 @@ def test_the_companion_has_the_effects_of_its_cell(effects):
     assert companion.total_slopes.shape == (1, 2, 3) and np.abs(companion.total_slopes).max() > 0
 
 
-def test_a_coarser_mesh_that_cannot_be_made_is_recorded_and_the_cell_stays(monkeypatch):
+def test_what_fails_beside_a_cell_is_recorded_and_the_cell_stays(monkeypatch):
     """The cell itself is solved: nothing is known of its errors, so its bars are as large as its forces."""
 
     def unmeshable(*_):
@@ -337,8 +331,7 @@ def test_a_coarser_mesh_that_cannot_be_made_is_recorded_and_the_cell_stays(monke
     assert cell.attributes["companion_unknowns"] == 0
     assert_allclose(cell.arrays["total_sigma_mesh_N"], np.abs(cell.arrays["total_force_N"]))
 
-
-def test_derivatives_that_do_not_converge_are_recorded_and_the_cell_stays(monkeypatch):
+    # Derivatives that do not converge are recorded and the cell stays
     def lost(*_):
         raise NotConverged("no equilibrium beside it")
 

@@ -187,7 +187,7 @@ def test_an_elastic_gel_dwells_without_change():
         assert_allclose(a[name][1], a[name][0], atol=2e-6 * np.abs(a[name][0]).max())
 
 
-def test_a_ball_that_turns_rubs_only_with_friction():
+def test_an_indenter_that_turns_rubs_and_leans():
     """A ball turned about its centre is the same ball: no change without friction; with it, about y, a drag along x."""
     turn = [(0.5, (0.0, 0.0), (0.0, 0.0)), (0.5, (0.0, 0.0), (0.0, 4.0))]
     smooth, rough = (pressed(path=turn, friction=mu).arrays["total_force_N"] for mu in (0.0, 0.45))
@@ -196,8 +196,7 @@ def test_a_ball_that_turns_rubs_only_with_friction():
     assert rough[1, 0] < -0.02 * abs(rough[0, 2])
     assert abs(rough[1, 1]) < 0.05 * abs(rough[1, 0])
 
-
-def test_a_box_that_tilts_presses_harder_on_its_lower_side():
+    # A box that tilts presses harder on its lower side
     turn = [(0.4, (0.0, 0.0), (0.0, 0.0)), (0.4, (0.0, 0.0), (0.0, 3.0))]
     a = sound(pressed(INDENTERS["box"], path=turn, friction=0.0))
     right = a["node_xy_mm"][:, 0] > CENTRE[0] + 1e-9
@@ -262,15 +261,14 @@ def test_a_press_that_cannot_be_solved_is_refused_by_the_plan(depths, indenter, 
         plan_of(depths, indenter)
 
 
-def test_an_open_surface_is_refused_with_its_file(tmp_path):
+def test_an_open_missing_or_unreadable_surface_is_named(tmp_path):
     path = write_surface(tmp_path / "open.stl", triangles=FACES[:-1])
     with pytest.raises(
         ConfigError, match=r"open\.stl: the surface is not closed: 3 open edges.*close the holes"
     ):
         plan_of([0.5], {"kind": "mesh", "file": str(path)})
 
-
-def test_a_missing_and_an_unreadable_surface_are_named(tmp_path):
+    # A missing and an unreadable surface are named
     with pytest.raises(ConfigError, match=r"nowhere\.stl: no such file"):
         plan_of([0.5], {"kind": "mesh", "file": str(tmp_path / "nowhere.stl")})
     (tmp_path / "text.stl").write_text("no surface at all")
@@ -278,7 +276,7 @@ def test_a_missing_and_an_unreadable_surface_are_named(tmp_path):
         plan_of([0.5], {"kind": "mesh", "file": str(tmp_path / "text.stl")})
 
 
-def test_a_law_that_is_unstable_where_it_is_used_is_refused_before_solving():
+def test_an_unstable_law_or_a_start_inside_the_gel_is_refused_before_solving(monkeypatch):
     """Yeoh with a negative second term, as a fit to small strains may give it."""
     bad = Yeoh(0.05, -0.15, 0.0)
     with pytest.raises(
@@ -287,8 +285,7 @@ def test_a_law_that_is_unstable_where_it_is_used_is_refused_before_solving():
     ):
         simulate_cell(specimens.study(), LAWS | {"stiff": bad}, PlannedCell("a", *CENTRE, (0.5, 1.0)))
 
-
-def test_an_indenter_that_starts_inside_the_gel_is_refused(monkeypatch):
+    # An indenter that starts inside the gel is refused
     from gelforge.indentation.solving import simulate
 
     lower = simulate.model_of

@@ -39,7 +39,7 @@ def planned(changes=None):
     return study, cells, lattice_of(study, cells)
 
 
-def test_levels_are_nested_and_enclose_the_plan():
+def test_levels_are_nested_with_names_and_images_and_enclose_the_plan():
     _, cells, lattice = planned()
     places = np.array([(cell.x_mm, cell.y_mm) for cell in cells.values()])
     assert (places >= np.array(lattice.low) - 1e-6).all() and (places <= np.array(lattice.high) + 1e-6).all()
@@ -47,8 +47,7 @@ def test_levels_are_nested_and_enclose_the_plan():
         assert set(lattice.level(number)) < set(lattice.level(number + 1))
     assert len(lattice.level(1)) == 81 and len(lattice.representatives(lattice.level(1))) == 15
 
-
-def test_one_place_of_an_orbit_is_solved_and_its_images_lie_where_the_symmetry_carries_it():
+    # One place of an orbit is solved and its images lie where the symmetry carries it
     _, _, lattice = planned()
     everything = lattice.level(1)
     found = [image for at in lattice.representatives(everything) for image in lattice.images(at)]
@@ -58,18 +57,14 @@ def test_one_place_of_an_orbit_is_solved_and_its_images_lie_where_the_symmetry_c
             carried = transform_points(lattice.symmetry_to(at, image), lattice.place(at), 32.0)
             assert carried == pytest.approx(lattice.place(image), abs=2e-6)
 
-
-def test_names_come_back():
-    _, _, lattice = planned()
+    # Names come back
     for at in lattice.level(1):
         assert index_of(name_of(at)) == at
         site = solved_site(lattice, name_of(at))
         assert (site.x_mm, site.y_mm) == tuple(lattice.place(at)) and site.depths_mm == (0.5, 1.0)
     assert solved_site(lattice, "x01_y01") is None and solved_site(lattice, "between_0999_0000") is None
 
-
-def test_the_places_asked_for_around_a_position_enclose_it():
-    _, _, lattice = planned()
+    # The places asked for around a position enclose it
     for position in ([5.0, 5.0], [27.0, 27.0], [16.0, 8.4], [26.9, 5.1]):
         around = np.array([lattice.place(at) for at in lattice.around(np.array(position), 0)])
         assert len(around) == 9
@@ -77,15 +72,14 @@ def test_the_places_asked_for_around_a_position_enclose_it():
         assert (around.max(axis=0) >= np.array(position) - 1e-9).all()
 
 
-def test_sites_near_an_edge_and_paths_are_solved_themselves():
+def test_sites_near_an_edge_paths_and_small_plans_are_solved_themselves():
     study, cells, _ = planned({"plan": {"grid": {"spacing_mm": 1.1, "margin_mm": 1.0}}})
     near_edge = [cell for cell in cells.values() if min(cell.x_mm, 32 - cell.x_mm) < 2]
     assert near_edge and all(not cell.between for cell in near_edge)
     inside = next(cell for cell in cells.values() if cell.between)
     assert not interpolable(study, replace(inside, phases=("load", "unload")))
 
-
-def test_a_small_plan_is_solved_as_it_costs_no_more():
+    # A small plan is solved as it costs no more
     _, cells, lattice = planned({"plan": {"grid": {"spacing_mm": 11.0}}})
     assert lattice is None
     assert not any(cell.between for cell in cells.values())
@@ -146,13 +140,12 @@ def test_one_positive_tolerance_is_given(given):
         study_from({**STUDY, "plan": {**STUDY["plan"], "interpolation": given}})
 
 
-def test_none_solves_every_site_and_leaves_older_digests():
+def test_without_interpolation_every_site_is_solved_or_derived():
     plain = study_with({"plan": {"interpolation": "none"}})
     assert not any(cell.between for cell in plan_cells(plain).values())
     assert "interpolation" not in plain.model_dump(mode="json")["plan"]
 
-
-def test_a_job_makes_the_derived_sites_of_its_shard():
+    # A job makes the derived sites of its shard
     _, cells, _ = planned({"plan": {"interpolation": "none"}})
     chunks = derived_chunks(cells, 16)
     mirrored = [name for name, cell in cells.items() if cell.source]

@@ -50,13 +50,23 @@ def test_ways_of_writing_give_one_volume(tmp_path, text, expected):
     assert volume(tmp_path / "a.obj") == pytest.approx(expected)
 
 
-def test_a_prism_with_ends_of_many_corners(tmp_path):
+def test_faces_of_many_corners_are_cut(tmp_path):
     n, angle = 7, 2 * np.pi * np.arange(7) / 7
     vertices = [f"v {x} {y} {z}" for z in (0, 1) for x, y in zip(np.cos(angle), np.sin(angle))]
     faces = [f"f {i + 1} {(i + 1) % n + 1} {n + (i + 1) % n + 1} {n + i + 1}" for i in range(n)]
     faces += ["f " + " ".join(map(str, range(n, 0, -1))), "f " + " ".join(map(str, range(n + 1, 2 * n + 1)))]
     (tmp_path / "a.obj").write_text("\n".join(vertices + faces))
     assert volume(tmp_path / "a.obj") == pytest.approx(n / 2 * np.sin(2 * np.pi / n))
+
+    # Polygons of a ply file are cut
+    corners = [*CORNERS, (1, -0.5, 0), (1, -0.5, 3)]  # a sixth side: both caps have five corners
+    capped = [(4, 3, 2, 9, 1), (5, 10, 6, 7, 8), (1, 9, 10, 5), (9, 2, 6, 10), *QUADS[3:]]
+    head = f"element vertex {len(corners)}\nproperty float x\nproperty float y\nproperty float z\n"
+    head += f"element face {len(capped)}\nproperty list uchar int vertex_indices\nend_header\n"
+    body = [" ".join(map(str, point)) for point in corners]
+    body += [" ".join(map(str, (len(face), *(k - 1 for k in face)))) for face in capped]
+    (tmp_path / "a.ply").write_text("ply\nformat ascii 1.0\n" + head + "\n".join(body) + "\n")
+    assert volume(tmp_path / "a.ply") == pytest.approx(6 + 1.5)
 
 
 @pytest.mark.parametrize(
@@ -84,14 +94,3 @@ def test_what_no_surface_can_be(tmp_path, text, said):
         return
     with pytest.raises(ConfigError, match=said):
         read_triangles(tmp_path / "a.obj")
-
-
-def test_polygons_of_a_ply_file_are_cut(tmp_path):
-    corners = [*CORNERS, (1, -0.5, 0), (1, -0.5, 3)]  # a sixth side: both caps have five corners
-    capped = [(4, 3, 2, 9, 1), (5, 10, 6, 7, 8), (1, 9, 10, 5), (9, 2, 6, 10), *QUADS[3:]]
-    head = f"element vertex {len(corners)}\nproperty float x\nproperty float y\nproperty float z\n"
-    head += f"element face {len(capped)}\nproperty list uchar int vertex_indices\nend_header\n"
-    body = [" ".join(map(str, point)) for point in corners]
-    body += [" ".join(map(str, (len(face), *(k - 1 for k in face)))) for face in capped]
-    (tmp_path / "a.ply").write_text("ply\nformat ascii 1.0\n" + head + "\n".join(body) + "\n")
-    assert volume(tmp_path / "a.ply") == pytest.approx(6 + 1.5)

@@ -28,14 +28,12 @@ def test_grid_is_centred_named_and_ordered():
     assert cells["x1_y1"].depths_mm == (0.4, 0.8)
     assert all(name == cell.name and cell.source is None for name, cell in cells.items())
 
-
-def test_names_have_as_many_digits_as_the_grid_needs():
+    # Names have as many digits as the grid needs
     cells = plan_cells(specimens.study({"grid": {"spacing_mm": 0.6, "margin_mm": 5.0}, "depths_mm": [0.5]}))
     assert {"x00_y00", "x10_y10"} <= set(cells)
     assert len(cells) == 121
 
-
-def test_a_grid_that_does_not_fill_its_span_stays_centred():
+    # A grid that does not fill its span stays centred
     cells = plan_cells(specimens.study({"grid": {"spacing_mm": 4.0, "margin_mm": 5.0}, "depths_mm": [0.5]}))
     assert sorted({c.x_mm for c in cells.values()}) == [6.0, 10.0]
 
@@ -53,20 +51,19 @@ def test_mirrored_cells_name_a_solved_source_and_the_symmetry_that_carries_it_th
             assert_allclose(landing, [cell.x_mm, cell.y_mm], atol=1e-9)
 
 
-def test_the_papers_study_solves_231_of_1681_cells_without_being_asked():
-    study = load_study("config/paper.yaml")
-    assert "symmetry" not in study.plan.model_fields_set
-    cells = plan_cells(study)
-    assert len(cells) == 1681
-    assert sum(cell.source is None for cell in cells.values()) == 231
-
-
 def test_symmetry_by_itself_is_the_one_that_is_asked_for():
     asked, by_itself, none = (
         plan_cells(specimens.study(GRID | plan)) for plan in ({"symmetry": "d4"}, {}, {"symmetry": "none"})
     )
     assert by_itself == asked != none
     assert not any(cell.source for cell in none.values())
+
+    # The papers study solves 231 of 1681 cells without being asked
+    study = load_study("config/paper.yaml")
+    assert "symmetry" not in study.plan.model_fields_set
+    cells = plan_cells(study)
+    assert len(cells) == 1681
+    assert sum(cell.source is None for cell in cells.values()) == 231
 
 
 @pytest.mark.parametrize(
@@ -109,37 +106,42 @@ def test_cells_are_mirrored_wherever_symmetry_holds(keys):
     assert sum(cell.source is None for cell in cells.values()) == 3
 
 
-def test_a_plan_of_a_few_positions_solves_those_alone(tmp_path):
-    """The first of each set of images is solved, not one in a corner that is always the same."""
-    text = "cell,x_mm,y_mm,depth_mm\na,11,6,0.5\nb,7,6.5,0.5\nc,10,11,0.5\nd,5,6,0.7\n"
-    cells = from_csv(tmp_path, text)
-    assert {name: cell.source for name, cell in cells.items()} == {"a": None, "b": None, "c": "a", "d": None}
-    alone = from_csv(tmp_path, "cell,x_mm,y_mm,depth_mm\na,5,6,0.5\nb,7,6.5,0.5\n")
-    assert not any(cell.source for cell in alone.values())  # nothing to mirror is no error
-
-
 @pytest.mark.parametrize("sensor", [{"width_y_mm": 18.0}, {"bins": {"nx": 10, "ny": 12}}])
 def test_symmetry_is_refused_where_the_sensor_breaks_it(sensor):
     with pytest.raises(ConfigError, match=r"needs a square sensor and square bins.*use symmetry: auto"):
         plan_cells(specimens.study(GRID | {"symmetry": "d4"}, sensor))
 
 
-def test_symmetry_is_refused_where_no_positions_mirror(tmp_path):
+def test_plans_that_cannot_be_are_refused(tmp_path):
     with pytest.raises(ConfigError, match="no two positions"):
         from_csv(tmp_path, "cell,x_mm,y_mm,depth_mm\na,5,6,0.5\nb,7,6.5,0.5\n", symmetry="d4")
 
+    # A missing plan file is named
+    with pytest.raises(ValueError, match=r"nowhere\.csv: no such file"):
+        plan_cells(specimens.study({"file": str(tmp_path / "nowhere.csv")}))
 
-def test_cells_with_other_depths_are_no_images(tmp_path):
-    text = "cell,x_mm,y_mm,depth_mm\na,5,6,0.5\nb,11,6,0.7\nc,11,10,0.5\n"
-    cells = from_csv(tmp_path, text, symmetry="d4")
-    assert [cells[name].source for name in "abc"] == [None, None, "a"]
+    # A margin beyond the middle is refused
+    with pytest.raises(ConfigError, match="margin_mm 9.0 exceeds half"):
+        plan_cells(specimens.study({"grid": {"spacing_mm": 1.0, "margin_mm": 9.0}, "depths_mm": [0.5]}))
 
 
-def test_plan_file(tmp_path):
+def test_a_plan_file_states_its_positions_and_depths(tmp_path):
     text = "# by hand\ncell,x_mm,y_mm,depth_mm,note\nedge,4.5,8,1.0,second\nedge,4.5,8,0.5,first\nmiddle,8,8,0.25,\n"
     cells = from_csv(tmp_path, text)
     assert list(cells) == ["edge", "middle"]
     assert (cells["edge"].x_mm, cells["edge"].depths_mm) == (4.5, (0.5, 1.0))
+
+    # The first of each set of images is solved, not one in a corner that is always the same.
+    text = "cell,x_mm,y_mm,depth_mm\na,11,6,0.5\nb,7,6.5,0.5\nc,10,11,0.5\nd,5,6,0.7\n"
+    cells = from_csv(tmp_path, text)
+    assert {name: cell.source for name, cell in cells.items()} == {"a": None, "b": None, "c": "a", "d": None}
+    alone = from_csv(tmp_path, "cell,x_mm,y_mm,depth_mm\na,5,6,0.5\nb,7,6.5,0.5\n")
+    assert not any(cell.source for cell in alone.values())  # nothing to mirror is no error
+
+    # Cells with other depths are no images
+    text = "cell,x_mm,y_mm,depth_mm\na,5,6,0.5\nb,11,6,0.7\nc,11,10,0.5\n"
+    cells = from_csv(tmp_path, text, symmetry="d4")
+    assert [cells[name].source for name in "abc"] == [None, None, "a"]
 
 
 @pytest.mark.parametrize(
@@ -193,16 +195,6 @@ def test_a_path_that_cannot_be_followed_is_refused(tmp_path, rows, words):
         from_csv(tmp_path, "cell,x_mm,y_mm,depth_mm,phase,shear_x_mm\n" + rows)
 
 
-def test_a_missing_plan_file_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"nowhere\.csv: no such file"):
-        plan_cells(specimens.study({"file": str(tmp_path / "nowhere.csv")}))
-
-
-def test_a_margin_beyond_the_middle_is_refused():
-    with pytest.raises(ConfigError, match="margin_mm 9.0 exceeds half"):
-        plan_cells(specimens.study({"grid": {"spacing_mm": 1.0, "margin_mm": 9.0}, "depths_mm": [0.5]}))
-
-
 def test_table_has_a_row_per_cell_and_depth():
     cells = plan_cells(specimens.study(GRID | {"symmetry": "d4"}))
     table = plan_table(cells)
@@ -219,7 +211,7 @@ def with_variant(cells=(), plan=None):
     return plan_cells(study), study
 
 
-def test_landmarks_are_the_centre_and_the_corner_of_large_x_and_y():
+def test_variants_solve_the_landmarks_or_the_cells_they_name():
     cells, study = with_variant()
     assert {name: cell.name for name, cell in landmarks(cells, study).items()} == {
         "centre": "x1_y1",
@@ -228,8 +220,7 @@ def test_landmarks_are_the_centre_and_the_corner_of_large_x_and_y():
     del cells["x2_y2"]  # (5 mm from two edges: the next corner stands in)
     assert landmarks(cells, study)["corner"].name == "x2_y0"
 
-
-def test_cells_of_a_variant_are_solved_themselves():
+    # Cells of a variant are solved themselves
     cells, study = with_variant()
     assert cells["x2_y2"].source == "x0_y0"
     chosen = variant_cells(cells, study, "v")
@@ -239,8 +230,7 @@ def test_cells_of_a_variant_are_solved_themselves():
     }
     assert list(variant_cells(cells, with_variant(["x0_y1"])[1], "v")) == ["x0_y1"]
 
-
-def test_cells_that_the_plan_lacks_are_refused():
+    # Cells that the plan lacks are refused
     cells, study = with_variant(["x9_y9"])
     with pytest.raises(ConfigError, match=r"variants\.v\.cells: \['x9_y9'\] are not in the plan"):
         variant_cells(cells, study, "v")

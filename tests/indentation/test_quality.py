@@ -12,12 +12,11 @@ from gelforge.indentation.solving.simulate import simulate_cell
 SIZES = {"near_mm": 0.6, "growth": 0.3, "far_mm": 1.8, "wall_parts": 2.0}
 
 
-def test_standard_takes_the_sizes_as_they_stand():
+def test_fast_is_coarser_and_fine_is_finer_than_standard():
     assert sizes_of(Mesh(**SIZES)) == sizes_of(Mesh(quality="standard", **SIZES))
     assert sizes_of(Mesh(**SIZES)).near == 0.6
 
-
-def test_fast_is_coarser_and_fine_is_finer_everywhere():
+    # Fast is coarser and fine is finer everywhere
     fast, standard, fine = (sizes_of(Mesh(quality=q, **SIZES)) for q in ("fast", "standard", "fine"))
     for name in ("near", "far"):
         assert_allclose(
@@ -26,8 +25,7 @@ def test_fast_is_coarser_and_fine_is_finer_everywhere():
     assert fast.growth > standard.growth == fine.growth
     assert fast.wall_parts < standard.wall_parts < fine.wall_parts
 
-
-def test_the_quality_used_is_not_applied_twice_and_goes_with_coarser_meshes():
+    # The quality used is not applied twice and goes with coarser meshes
     fast = Mesh(quality="fast", **SIZES)
     assert fast.used.used == fast.used
     assert_allclose(fast.coarser(2.0).used.near_mm, 2 * fast.used.near_mm)

@@ -23,13 +23,12 @@ def test_a_random_press_is_sound(number):
     assert found.is_sound, (found.not_finite, found.balance)
 
 
-def test_a_draw_is_the_same_every_time_and_draws_differ():
+def test_draws_repeat_differ_and_hold_every_kind():
     first, again, other = drawn(SEED, 3), drawn(SEED, 3), drawn(SEED, 4)
     assert first == again
     assert first.words != other.words
 
-
-def test_draws_hold_every_kind_of_indenter_sensor_path_and_law():
+    # Draws hold every kind of indenter sensor path and law
     draws = [draw for draw in (drawn(SEED, number) for number in range(60)) if draw.study]
     assert {d.study.indenter.kind for d in draws} == {"sphere", "cylinder", "box", "several", "mesh"}
     assert {d.study.sensor.shape.kind for d in draws} == {"block", "dome"}
@@ -61,12 +60,11 @@ def test_what_is_sound(change, sound):
     assert replace(GOOD, **change).is_sound == sound
 
 
-def test_a_clear_reason_names_what_was_found_and_what_to_do():
+def test_a_clear_reason_and_anything_not_finite_are_told():
     assert is_clear("shape.kind: block, found dome; leave toe out", with_remedy=True)
     assert not is_clear("leave toe out", with_remedy=True)
 
-
-def test_anything_not_finite_is_found():
+    # Anything not finite is found
     arrays = {
         "good": np.zeros(3),
         "words": np.array(["a"]),

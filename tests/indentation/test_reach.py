@@ -73,15 +73,14 @@ def test_a_turn_of_the_indenter_sinks_its_edge():
         check_inside({"a": turned}, study)
 
 
-def test_a_ball_smaller_than_described_sinks_sooner():
+def test_a_smaller_ball_and_a_variant_are_checked_too():
     plan = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [1.2]}
     smaller = effects(geometry={"indenter_radius_change_mm": -1.0})
     plan_cells(specimens.study(plan, indenter={"radius_mm": 2.0}))
     with pytest.raises(ConfigError, match=r"1\.2 mm is beyond the widest part .* 1 mm above"):
         plan_cells(specimens.study(plan, indenter={"radius_mm": 2.0}, **smaller))
 
-
-def test_a_variant_that_would_pierce_is_refused_with_the_plan():
+    # A variant that would pierce is refused with the plan
     study = specimens.study()
     deeper = Variant(cells=["x1_y1"], mechanics=effects(kinematics={"contact_zero_mm": 2.0}))
     study = study.model_copy(update={"variants": {"deeper": deeper}})

@@ -62,8 +62,7 @@ def test_a_ball_touches_a_hemisphere_a_sum_of_radii_away(mesh):
     assert_allclose(straight[:2], place)
     assert straight[2] == pytest.approx(-10.0 + np.sqrt(15.0**2 - 10.0), abs=0.01)
 
-
-def test_no_surface_lies_beside_the_dome(mesh):
+    # No surface lies beside the dome
     with pytest.raises(ValueError, match=r"no top surface lies over \(0\.5, 0\.5\) mm"):
         surface_point(mesh, 0.5, 0.5)
 
@@ -83,7 +82,7 @@ def presses():
 
 
 @pytest.mark.thorough
-def test_a_dome_balances_and_its_parts_add_up(presses):
+def test_a_hemisphere_presses_by_hertz_along_its_normal(presses):
     for name, cell in presses.items():
         assert cell.converged, (name, cell.attributes["reason"])
         assert max(cell.attributes["force_balance"]) < 1e-6
@@ -91,36 +90,27 @@ def test_a_dome_balances_and_its_parts_add_up(presses):
         total = a["bin_force_N"].sum(axis=1) + a["side_force_N"]
         assert_allclose(total, a["total_force_N"], atol=1e-6 * np.abs(a["total_force_N"]).max())
 
-
-@pytest.mark.thorough
-def test_a_hemisphere_presses_by_hertz_with_both_radii(presses):
-    """1/R = 1/5 + 1/10. Base, friction and finite strain add 8 to 12 %; the ball's radius alone would give 22 % more."""
+    # 1/R = 1/5 + 1/10. Base, friction and finite strain add 8 to 12 %; the ball's radius alone
+    # would give 22 % more.
     modulus = contact_modulus(specimens.GEL.shear_modulus, poissons_ratio(1000.0))
     for depth, force in zip(DEPTHS, presses["top"].arrays["total_force_N"]):
         known = hertz(depth, 1 / (1 / 5 + 1 / 10), modulus).force
         assert 1.04 < -force[2] / known < 1.16
 
-
-@pytest.mark.thorough
-def test_along_the_normal_the_force_is_along_the_normal(presses):
-    """A sphere knows no other direction; far from the base its force is that at the top."""
+    # A sphere knows no other direction; far from the base its force is that at the top.
     for top, east in zip(*(presses[name].arrays["total_force_N"] for name in ("top", "east"))):
         normal = np.array([0.4, 0.0, np.sqrt(1 - 0.4**2)])
         assert east @ normal == pytest.approx(-np.linalg.norm(east), rel=2e-3)  # within 4 degrees
         # Two meshes of 3 to 5 nodes over the contact radius.
         assert np.linalg.norm(east) == pytest.approx(np.linalg.norm(top), rel=0.03)
 
-
-@pytest.mark.thorough
-def test_from_above_a_flank_is_pressed_less(presses):
-    """A vertical move by d comes nearer along the normal by d cos(angle) only; Hertz's force follows its power 1.5."""
+    # A vertical move by d comes nearer along the normal by d cos(angle) only; Hertz's force follows
+    # its power 1.5.
     along, down = (presses[name].arrays["total_force_N"][-1] for name in ("east", "from above"))
     normal = np.array([4.0, 0.0, np.sqrt(15.0**2 - 16.0)]) / 15.0  # where the ball meets the flank
     assert down @ normal / np.linalg.norm(along) == pytest.approx(-(normal[2] ** 1.5), rel=0.05)
 
-
-@pytest.mark.thorough
-def test_the_section_of_a_dome_is_its_outline(presses):
+    # The section of a dome is its outline
     nodes = presses["top"].arrays["section_node_mm"]
     away = np.linalg.norm(nodes - [10.0, 10.0, -10.0], axis=1)
     # Its lower edge is flat; a cut through the edges of elements is straight between them.
@@ -149,13 +139,12 @@ def test_a_block_from_files_presses_as_the_block_does(tmp_path):
     assert by_files[2] == pytest.approx(block[2], rel=0.05)
 
 
-def test_a_surface_that_does_not_fit_the_frame_is_refused(tmp_path):
+def test_a_surface_that_does_not_fit_or_is_not_closed_is_refused(tmp_path):
     study = specimens.study(sensor=write_block(tmp_path, shift=(0.0, 3.0, 1.0)))
     with pytest.raises(ConfigError, match=r"set shape\.origin_mm: \[0\.0, 3\.0, 1\.0\], the corner"):
         simulate_cell(study, LAWS, PlannedCell("a", *specimens.CENTRE, (0.4,)))
 
-
-def test_an_open_or_missing_surface_of_a_layer_is_named(tmp_path):
+    # An open or missing surface of a layer is named
     sensor = write_block(tmp_path)
     vertices, triangles = block_solids(specimens.BLOCK).drafts[0]
     meshio.write(tmp_path / "gel.stl", meshio.Mesh(vertices, [("triangle", triangles[1:])]), binary=True)

@@ -71,7 +71,7 @@ def test_gel_displacement_only_where_asked():
     assert set(simulate_cell(specimens.study(), LAWS, short).arrays) == set(DATASETS) - OPTIONAL
 
 
-def test_totals_bins_and_nodes_agree(cell):
+def test_totals_bins_nodes_and_displacements_agree(cell):
     a = cell.arrays
     total = a["total_force_N"]
     size = np.linalg.norm(total, axis=1).min()
@@ -88,17 +88,13 @@ def test_totals_bins_and_nodes_agree(cell):
     assert max(cell.attributes["moment_balance"]) < 1e-6
     assert np.isfinite(cell.attributes["binning_moment_shift_Nmm"]).all()
 
-
-def test_node_states_and_forces_belong_together(cell):
-    a = cell.arrays
+    # Node states and forces belong together
     loaded = np.linalg.norm(a["node_normal_N"], axis=-1) > 0
     assert np.array_equal(loaded, a["node_state"] > 0)
     rubbed = np.linalg.norm(a["node_shear_N"], axis=-1) > 0
     assert not (rubbed & ~loaded).any()
 
-
-def test_displacements_of_surface_section_and_gel_are_of_one_mesh(cell):
-    a = cell.arrays
+    # Displacements of surface section and gel are of one mesh
     surface = {tuple(np.round(p, 9)): u for p, u in zip(a["node_xy_mm"], a["node_displacement_mm"][-1])}
     top = np.isclose(a["section_node_mm"][:, 2], 0)
     shared = 0
@@ -117,8 +113,7 @@ def test_displacements_of_surface_section_and_gel_are_of_one_mesh(cell):
     base = np.isclose(gel[:, 2], -4.0)
     assert not a["gel_displacement_mm"][:, base].any()
 
-
-def test_the_touched_bins_lie_under_the_ball(cell):
+    # The touched bins lie under the ball
     bins = np.linalg.norm(cell.arrays["bin_force_N"][-1], axis=-1)
     k = int(bins.argmax())
     centre = (np.array([k % 10, k // 10]) + 0.5) * 1.6
@@ -204,8 +199,7 @@ def test_a_cell_that_fails_says_so_and_keeps_what_converged(tmp_path):
     assert all(np.isfinite(array).all() for array in back.arrays.values())
     assert len(back.arrays["bin_force_N"]) == len(back.attributes["iterations"]) == 1
 
-
-def test_a_cell_that_fails_at_once_is_empty_and_whole(tmp_path):
+    # A cell that fails at once is empty and whole
     solver = {"max_iterations": 2, "max_halvings": 0, "force_tolerance": 1e-12}
     study = specimens.study(solver=solver, store_displacement=True)
     cell = simulate_cell(study, LAWS, replace(PLANNED, depths_mm=(1.0,)))
@@ -252,13 +246,11 @@ def test_digest_follows_the_position_and_the_depths(planned):
     assert inputs_digest(specimens.study(), LAWS, planned) != BASE
 
 
-def test_digest_follows_the_laws_that_are_used():
+def test_digest_follows_the_laws_that_are_used_and_nothing_else():
     stiffer = LAWS | {"soft": Ogden((8e-3,), (1.3,))}
     assert inputs_digest(specimens.study(), stiffer, PLANNED) != BASE
     assert inputs_digest(specimens.study(), LAWS | {"unused": Ogden((1.0,), (2.0,))}, PLANNED) == BASE
 
-
-def test_digest_does_not_follow_what_cannot_matter():
-    """The other cells of the plan, the name of the study and the name of the cell change no number."""
+    # The other cells of the plan, the name of the study and the name of the cell change no number.
     other = specimens.study({"grid": {"spacing_mm": 2.0, "margin_mm": 4.0}, "depths_mm": [0.1]})
     assert inputs_digest(other, LAWS, replace(PLANNED, name="renamed")) == BASE

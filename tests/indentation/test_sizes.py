@@ -186,17 +186,15 @@ def test_a_file_whose_body_lies_beside_its_origin_is_asked_about(tmp_path):
     with pytest.raises(ConfigError, match="no depth touches: .* lies beside the sensor, 126 mm"):
         planned(away | {"origin_mm": [0.0, 0.0, 0.0]})
 
-
-def test_a_declared_origin_beside_the_body_is_accepted(tmp_path):
-    """A finger that presses 3 mm beside the position on purpose; and one whose file puts the position under its edge."""
+    # A finger that presses 3 mm beside the position on purpose; and one whose file puts the
+    # position under its edge.
     beside = body(tmp_path, shift=(3.0, 0.0, 0.0))
     with pytest.raises(ConfigError, match="lies 3 mm beside the position"):
         planned(beside)
     assert planned(beside | {"origin_mm": [0.0, 0.0, 0.0]})
     assert planned(body(tmp_path, shift=(1.9, 0.0, 0.0)))
 
-
-def test_the_named_origin_is_that_of_the_file_also_where_it_is_turned(tmp_path):
+    # The named origin is that of the file also where it is turned
     turned = body(tmp_path, shift=(30.0, 0.0, 0.0), orientation_deg=[0.0, 0.0, 90.0])
     with pytest.raises(ConfigError, match=re.escape("set origin_mm: [30.0, 0.0, 0.0]")):
         planned(turned)

@@ -165,8 +165,7 @@ def test_they_are_stored_on_request(tmp_path):
     plain = simulate_label(specimens.study(error_bars=False), specimens.STUDY_LAWS, {}, PLANNED)
     assert not any("sensitivity" in key for key in [*plain.arrays, *plain.attributes])
 
-
-def test_those_of_the_gel_are_stored_where_its_displacement_is(tmp_path):
+    # Those of the gel are stored where its displacement is
     study = specimens.study(sensitivities=["contact_zero"], error_bars=False, store_displacement=True)
     write_cell(tmp_path / "c.h5", simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED))
     arrays = read_cell(tmp_path / "c.h5").arrays

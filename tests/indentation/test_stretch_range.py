@@ -25,20 +25,19 @@ def stretches(mesh, F):
     return element_stretches(mean_gradient(gradient, weight), mesh.elements, u), weight.sum(axis=1)
 
 
-def test_principal_stretches_of_a_rotated_homogeneous_deformation(mesh):
+def test_principal_stretches_of_known_deformations(mesh):
     Q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
     R, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
     lam, _ = stretches(mesh, Q @ np.diag([1.5, 0.9, 0.7]) @ R)
     assert_allclose(lam, np.broadcast_to([0.7, 0.9, 1.5], lam.shape), rtol=1e-10)  # rounding of X of 10 mm
 
-
-def test_simple_shear_has_reciprocal_stretches(mesh):
+    # Simple shear has reciprocal stretches
     lam, _ = stretches(mesh, [[1, 0, 0.5], [0, 1, 0], [0, 0, 1]])
     l = (0.5 + np.sqrt(0.5**2 + 4)) / 2
     assert_allclose(lam[0], [1 / l, 1, l], rtol=1e-10)
 
 
-def test_the_range_is_judged_by_region_and_depth(mesh):
+def test_the_range_is_judged_by_region_depth_and_volume(mesh):
     valid = ValidRange.of(principal_stretches("uniaxial", np.array([1.0, 1.5])))
     states = [stretches(mesh, np.diag(principal_stretches("uniaxial", np.array(v))))[0] for v in (1.4, 1.6)]
     volume = stretches(mesh, np.eye(3))[1]
@@ -51,8 +50,7 @@ def test_the_range_is_judged_by_region_and_depth(mesh):
     assert some["leaves_valid_range"].tolist() == [-1, 1]  # not known of one region, left by another
     assert np.isnan(some["volume_outside_valid_range"][:, 1:]).all()
 
-
-def test_a_part_of_the_volume_is_counted_by_volume(mesh):
+    # A part of the volume is counted by volume
     lam, volume = stretches(mesh, np.eye(3))
     lam, marked = lam.copy(), np.flatnonzero(mesh.region == 0)[:3]
     lam[marked] = [0.5, 1.0, 2.0]
@@ -60,8 +58,7 @@ def test_a_part_of_the_volume_is_counted_by_volume(mesh):
     share = volume[marked].sum() / volume[mesh.region == 0].sum()
     assert found["volume_outside_valid_range"][0, 0] == pytest.approx(share)
 
-
-def test_a_cell_without_depths_has_empty_attributes(mesh):
+    # A cell without depths has empty attributes
     found = stretch_ranges([], np.ones(3), np.zeros(3, int), [None])
     assert found["stretch_range"].shape == (0, 1, 2) and found["leaves_valid_range"].shape == (0,)
 

@@ -36,43 +36,50 @@ def label(described, depths=(0.4, 0.8), place=specimens.CENTRE):
     return simulate_label(described, LAWS, {}, PlannedCell("a", *place, tuple(depths)))
 
 
-def test_a_site_without_contact_has_failed():
+def test_a_site_is_a_label_if_something_touches():
     cell = label(study(zero=-1.0))
     assert not cell.converged
     assert (
         "no depth touches: the indenter stays clear of the sensor down to 0.8 mm" in cell.attributes["reason"]
     )
 
-
-def test_depths_before_contact_are_labels_of_zero():
+    # Depths before contact are labels of zero
     cell = label(study(zero=-0.6))
     assert cell.converged and list(cell.attributes["touched_parts"]) == [True]
     forces = cell.arrays["total_force_N"]
     assert not forces[0].any() and forces[1, 2] < 0
 
-
-def test_two_balls_of_different_height_that_both_touch_are_a_label():
+    # Two balls of different height that both touch are a label
     described = study(balls(0.3))
     assert plan_cells(described)
     cell = label(described)
     assert cell.converged and list(cell.attributes["touched_parts"]) == [True, True]
 
 
-def test_a_ball_that_never_touches_is_refused_before_anything_is_solved():
+def test_what_never_touches_is_refused_before_anything_is_solved():
     with pytest.raises(
         ConfigError, match=r"part 2 never touches: it lies 1 mm over the lowest part.*need_not_touch"
     ):
         plan_cells(study(balls(1.0)))
     assert plan_cells(study(balls(1.0, need_not_touch=True)))
 
-
-def test_a_ball_beside_the_sensor_is_refused():
+    # A ball beside the sensor is refused
     wide = balls(0.0)
     wide["parts"][1]["offset_mm"] = [12.0, 0.0, 0.0]
     with pytest.raises(ConfigError, match="part 2 never touches: it lies beside the sensor there"):
         plan_cells(study(wide))
     wide["parts"][1]["need_not_touch"] = True
     assert plan_cells(study(wide))
+
+    # An indenter alone must touch
+    with pytest.raises(ConfigError, match="need_not_touch is for one of several parts"):
+        study({"radius_mm": 3.0, "need_not_touch": True})
+
+    # Positions beside a dome are refused
+    dome = {"shape": {"kind": "dome"}, "wall_mm": 0.0}
+    assert plan_cells(study(sensor=dome))
+    with pytest.raises(ConfigError, match=r"no surface of the sensor lies below \(2, 2\) mm"):
+        plan_cells(study(sensor=dome, margin=2.0))
 
 
 def test_a_solved_site_that_a_ball_never_touched_has_failed():
@@ -96,19 +103,7 @@ def test_parts_are_told_apart_where_the_set_is_turned():
     assert list(label(study(about), depths=(0.4,)).attributes["touched_parts"]) == [True, False]
 
 
-def test_an_indenter_alone_must_touch():
-    with pytest.raises(ConfigError, match="need_not_touch is for one of several parts"):
-        study({"radius_mm": 3.0, "need_not_touch": True})
-
-
-def test_positions_beside_a_dome_are_refused():
-    dome = {"shape": {"kind": "dome"}, "wall_mm": 0.0}
-    assert plan_cells(study(sensor=dome))
-    with pytest.raises(ConfigError, match=r"no surface of the sensor lies below \(2, 2\) mm"):
-        plan_cells(study(sensor=dome, margin=2.0))
-
-
-def test_press_without_contact_is_one_line(tmp_path, monkeypatch, capfd):
+def test_a_press_and_a_site_without_contact_fail_in_a_line(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     write_yaml(tmp_path / "s.yaml", study(zero=-1.0))
     at = ["--x", "8", "--y", "8", "--depths", "0.4,0.8"]
@@ -119,8 +114,7 @@ def test_press_without_contact_is_one_line(tmp_path, monkeypatch, capfd):
         and len(error.splitlines()) == 1
     )
 
-
-def test_a_site_of_the_workflow_that_nothing_touches_is_written_as_failed(tmp_path, monkeypatch, capfd):
+    # A site of the workflow that nothing touches is written as failed
     monkeypatch.chdir(tmp_path)
     described = study(zero=-1.0)
     write_yaml(tmp_path / "s.yaml", described)

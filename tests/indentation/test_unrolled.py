@@ -92,15 +92,14 @@ def test_a_uniform_pressure_fills_bins_along_the_surface_alike_and_bins_seen_fro
     assert_allclose(above.sum(), along.sum(), rtol=1e-12)
 
 
-def test_the_centre_of_a_bin_is_in_it():
+def test_the_centre_of_a_bin_is_in_it_and_files_are_not_unrolled():
     sensor = DOMES["high, of an ellipse"]
     points = bin_points(sensor)
     places = np.array([place_in_bins(sensor, x, y) for x, y, _ in points])
     index = np.floor(places / [sensor.width_x_mm, sensor.width_y_mm] * [NX, NY]).astype(int)
     assert (index[:, 1] * NX + index[:, 0] == np.arange(NX * NY)).all()
 
-
-def test_surfaces_from_files_are_not_unrolled():
+    # Surfaces from files are not unrolled
     layers = [Layer(name="gel", thickness_mm=2.0, material="soft")]
     shape = Shape(kind="surfaces", files={"gel": "gel.stl"})
     with pytest.raises(ValueError, match="surface unrolls a dome"):

@@ -121,7 +121,7 @@ def test_nothing_is_extrapolated_beyond_the_depths(depth):
         solved(0).at(np.array([16.0, 16.0]), (depth,))
 
 
-def test_weights_reproduce_a_plane_also_from_places_on_a_line():
+def test_weights_reproduce_planes_and_cubics():
     rng = np.random.default_rng(1)
     places, at = rng.uniform(0, 10, (30, 2)), np.array([4.0, 5.0])
     chosen = nearest(places, at)
@@ -130,8 +130,7 @@ def test_weights_reproduce_a_plane_also_from_places_on_a_line():
     line = np.column_stack([np.arange(5.0), np.full(5, 7.0)])
     assert place_weights(line, np.array([2.5, 7.0])) @ line[:, 0] == pytest.approx(2.5, rel=1e-9)
 
-
-def test_a_cubic_over_depth_is_met():
+    # A cubic over depth is met
     depths = np.array([0.2, 0.5, 0.9, 1.4, 2.0])
     numbers, weights = depth_weights(depths, 0.7)
     assert weights @ depths[numbers] ** 3 == pytest.approx(0.7**3, rel=1e-12)
@@ -163,7 +162,7 @@ def test_error_bars_hold_what_a_label_is_wrong_by():
     assert np.sqrt(np.mean(np.square(bars))) < 3 * np.sqrt(np.mean(np.square(errors)))
 
 
-def test_a_label_says_that_it_is_interpolated_and_where_from(tmp_path):
+def test_a_label_and_its_image_say_where_they_are_interpolated_from(tmp_path):
     cell = labels().cell(planned(PLACES[0]))
     path = tmp_path / "p.h5"
     write_cell(path, cell)
@@ -177,9 +176,7 @@ def test_a_label_says_that_it_is_interpolated_and_where_from(tmp_path):
         PLACES[0]
     )  # it says of which sensor it is, so it can be drawn
 
-
-def test_its_image_is_made_by_the_same_mirroring_as_a_solved_one_s(tmp_path):
-    cell = labels().cell(planned(PLACES[0]))
+    # Its image is made by the same mirroring as a solved one s
     image = planned(
         transform_points("mirror_x", np.array(PLACES[0]), 32.0), "q", source="p", symmetry="mirror_x"
     )
@@ -219,7 +216,7 @@ def everywhere(spacing=1.0):
     return [planned((x, y), f"p{i}_{j}") for i, x in enumerate(along) for j, y in enumerate(along)]
 
 
-def test_a_loose_tolerance_is_met_by_the_first_level():
+def test_levels_go_on_until_the_tolerance_is_met():
     found = levels.decide(solved(0), 0, everywhere(), Interpolation(tolerance=100.0))
     assert (
         found.done
@@ -229,15 +226,13 @@ def test_a_loose_tolerance_is_met_by_the_first_level():
     )
     assert "done" in found.words
 
-
-def test_a_tighter_one_asks_for_the_next_level_where_it_is_missed():
+    # A tighter one asks for the next level where it is missed
     found = levels.decide(solved(0), 0, everywhere(), Interpolation(tolerance_N=1e-6))
     assert not found.done
     more = levels.known_places(found.more)
     assert set(more) <= set(LATTICE.level(1)) - set(LATTICE.level(0))
 
-
-def test_one_that_is_not_met_says_what_is_reached_and_solves_the_sites_themselves():
+    # One that is not met says what is reached and solves the sites themselves
     found = levels.decide(solved(1), 1, everywhere()[:3], Interpolation(tolerance_N=1e-9))
     assert found.done and set(found.themselves) == {"p0_0", "p0_1", "p0_2"}
     assert found.largest > 1 and "are solved" in found.words

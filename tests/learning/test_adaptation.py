@@ -89,13 +89,12 @@ def test_an_adapted_model_is_a_model(trained, tmp_path):
     assert again.settings["adapted"]["gain"] == pytest.approx([1.3] * 3, rel=1e-4)
 
 
-def test_readings_of_another_sign_are_refused(trained):
+def test_readings_of_another_sign_or_too_few_presses_are_refused(trained):
     model, presses = trained
     with pytest.raises(ModelError, match="other axes or signs"):
         adapt(model, with_readings(model, presses, -1.0))
 
-
-def test_more_presses_than_there_are_are_refused(trained):
+    # More presses than there are are refused
     with pytest.raises(ModelError, match="asked for"):
         drawn_presses(trained[1].press, 10_000, 0)
 
@@ -114,7 +113,7 @@ def test_intervals_of_each_axis_hold_nine_in_ten_of_its_errors(trained):
     assert held == pytest.approx([0.9] * 3, abs=0.05)
 
 
-def test_images_of_another_kind_are_refused(trained):
+def test_images_of_another_kind_or_scale_are_refused(trained):
     model, _ = trained
     with pytest.raises(ModelError, match="features.regions: 4"):
         check_same_images(model, 6, {})
@@ -128,8 +127,7 @@ def test_images_of_another_kind_are_refused(trained):
     ):
         check_same_images(model, 4, {"other": view | {"image_scale": 0.8}})
 
-
-def test_features_of_images_of_another_scale_than_the_studys_are_not_learnt_from():
+    # Features of images of another scale than the studys are not learnt from
     check_scale(1.0, {"one": {"image_px": [400, 400]}, "old": {}})
     check_scale(0.8, {"one": {"image_px": [400, 400], "image_scale": 0.8}})
     with pytest.raises(

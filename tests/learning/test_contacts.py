@@ -24,7 +24,7 @@ def pressed(*places: tuple[float, float], radius: float = 3.5) -> np.ndarray:
     return force
 
 
-def test_two_balls_apart_are_two_contacts_the_strongest_first():
+def test_contacts_are_told_apart_and_add_up_to_the_total():
     left, right = (5.0, 7.5), (19.0, 19.5)  # middles of bins
     found = contacts(pressed(left, right), NX, NY, WIDTH)
     assert len(found) == 2
@@ -32,12 +32,17 @@ def test_two_balls_apart_are_two_contacts_the_strongest_first():
     assert_allclose(found[1].force_N, pressed(left).sum(axis=0), atol=1e-12)
     assert_allclose(found[0].force_N, 2 * found[1].force_N, rtol=1e-12)
 
-
-def test_contacts_add_up_to_the_total_and_one_alone_is_at_the_centre_of_pressure():
+    # Contacts add up to the total and one alone is at the centre of pressure
     force = pressed((5.0, 7.5), (19.0, 19.5))
     assert_allclose(sum(one.force_N for one in contacts(force, NX, NY, WIDTH)), force.sum(axis=0), atol=1e-12)
     (one,) = contacts(pressed((8.3, 11.9)), NX, NY, WIDTH)
     assert_allclose(one.centre_mm, centre_of_pressure(pressed((8.3, 11.9))[None], NX, NY, WIDTH)[0])
+
+    # What pulls is no contact and an untouched sensor has none
+    assert contacts(np.zeros((NX * NY, 3)), NX, NY, WIDTH) == []
+    pulled = pressed((5.0, 7.5))
+    pulled[-1, 2] = 0.3
+    assert len(contacts(pulled, NX, NY, WIDTH)) == 1
 
 
 def test_contacts_that_touch_are_two_where_a_valley_divides_them():
@@ -51,26 +56,17 @@ def test_contacts_that_touch_are_two_where_a_valley_divides_them():
     level[:, 2] = np.where(force[:, 2] < 0, force[:, 2] - 0.8, 0)  # the same hills on a plateau
     assert len(contacts(level, NX, NY, WIDTH)) == 1
 
-
-def test_bins_that_share_a_corner_are_one_contact():
+    # Bins that share a corner are one contact
     corner = np.zeros((NX * NY, 3))
     corner[[0, NX + 1], 2] = -1.0
     assert len(contacts(corner, NX, NY, WIDTH)) == 1
 
-
-def test_the_rim_of_a_punch_is_no_contact_of_its_own():
+    # The rim of a punch is no contact of its own
     x, y = (np.arange(NX * NY) % NX + 0.5) * 2.0, (np.arange(NX * NY) // NX + 0.5) * 3.0
     away = np.hypot(x - 12, y - 13.5)
     force = np.zeros((NX * NY, 3))
     force[:, 2] = -np.where(away < 6.5, np.where(away < 3.5, 0.3, 1.0), 0)
     assert len(contacts(force, NX, NY, WIDTH)) == 1
-
-
-def test_what_pulls_is_no_contact_and_an_untouched_sensor_has_none():
-    assert contacts(np.zeros((NX * NY, 3)), NX, NY, WIDTH) == []
-    pulled = pressed((5.0, 7.5))
-    pulled[-1, 2] = 0.3
-    assert len(contacts(pulled, NX, NY, WIDTH)) == 1
 
 
 def test_the_table_of_predictions_holds_the_contacts(tmp_path, capsys):

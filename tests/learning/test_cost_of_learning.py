@@ -40,8 +40,7 @@ def test_the_estimate_of_a_study_has_images_and_training_in_it():
     parts += costs.training() + costs.evaluation(size_mb)
     assert f"about {duration(parts)} on two cores" in line
 
-
-def test_labels_alone_cost_finite_elements_alone():
+    # Labels alone cost finite elements alone
     study = load_study(ROOT / "config/test.yaml").model_copy(update={"sessions": [], "virtual_lab": None})
     assert time_line(Costs(study, plan_cells(study)), 60.0) == (
         "time       about 30 s on two cores (estimate): finite elements 30 s"

@@ -83,15 +83,14 @@ def solved():
     return mesh, load, displacements(mesh, sensor, mechanics, LAWS, load)
 
 
-def test_work_is_reciprocal(solved):
+def test_work_is_reciprocal_and_every_unit_force_held_by_the_base(solved):
     """Betti: the force on one bin works on the displacement of another as that does on the first."""
     _, load, moved = solved
     work = np.einsum("an,bjnc->acbj", load.toarray(), moved).reshape(3 * load.shape[0], -1)
     np.testing.assert_allclose(work, work.T, atol=1e-7 * work.max())
     assert np.linalg.eigvalsh(work).min() > 0
 
-
-def test_every_unit_force_is_held_by_the_base(solved):
+    # Every unit force is held by the base
     mesh, load, moved = solved
     laws = {name: LAWS["gel" if name == "gel" else "skin"] for name in mesh.regions}
     body = SmallStrainBody(mesh, laws, Mechanics().bulk_to_shear)
@@ -215,7 +214,7 @@ def test_the_solution_is_that_of_projected_gradients(inverse):
     np.testing.assert_allclose(found, force, atol=2e-3 * np.abs(force).max())
 
 
-def test_forces_are_found_again(inverse):
+def test_forces_are_found_again_and_grow_with_the_flow(inverse):
     """A few bins of a small sensor: totals within what the penalties take, 15 %; none where nothing moves."""
     solver, G = inverse
     force = contact(np.random.default_rng(2), 20)
@@ -227,9 +226,7 @@ def test_forces_are_found_again(inverse):
     assert (np.linalg.norm(total - true, axis=1) < 0.2 * np.linalg.norm(true, axis=1)).all()
     assert not solver.forces(np.zeros((1, 128))).any()
 
-
-def test_forces_grow_with_the_flow(inverse):
-    solver, G = inverse
+    # Forces grow with the flow
     flow = (contact(np.random.default_rng(3), 5).reshape(5, -1) @ G.T).astype("f4")
     one, three = solver.solve(flow).force, solver.solve(3 * flow).force
     np.testing.assert_allclose(three, 3 * one, atol=1e-4 * np.abs(three).max())

@@ -64,6 +64,9 @@ def test_what_the_network_has_learnt_to_undo_is_nobodys_error():
     assert optics == pytest.approx(0.003, rel=1e-12)
     assert learning == pytest.approx(0.0, abs=1e-9)  # the root of a rounding
 
+    # Without rows nothing is known
+    assert np.isnan(shared_out(np.empty(0), np.empty(0))).all()
+
 
 @pytest.mark.parametrize(
     ("error", "optics", "expected"),
@@ -71,10 +74,6 @@ def test_what_the_network_has_learnt_to_undo_is_nobodys_error():
 )
 def test_the_parts_are_never_more_than_the_whole(error, optics, expected):
     assert shared_out(error, optics) == pytest.approx(expected)
-
-
-def test_without_rows_nothing_is_known():
-    assert np.isnan(shared_out(np.empty(0), np.empty(0))).all()
 
 
 # ------------------------------------------------------------------------------------- the flow of true motion
@@ -95,8 +94,7 @@ def test_the_flow_map_finds_what_a_tracker_does_and_foretells_it():
     off = np.abs(components(found(features(other))) - other).max()
     assert off > 0.5  # so that the identity would not pass
 
-
-def test_regions_that_never_move_are_left_as_they_are():
+    # Regions that never move are left as they are
     still = np.zeros((30, 64, 2))
     found = FlowMap.fit(features(still), features(still))
     flow = np.random.default_rng(2).normal(size=(3, 64, 2))
@@ -128,7 +126,7 @@ def truth_of(shards, force_factor=1.0):
     return Truth(lambda wanted: ((press[:2], known[press[:2]]) for press in wanted), mm_per_px=0.1)
 
 
-def test_true_images_and_labels_leave_learning_alone(model):
+def test_parts_of_a_model_s_error_follow_the_truth(model):
     predictions = evaluated(model, truth_of(model[2]))
     table, rmse = (
         error_budget_table(predictions).set_index("part"),
@@ -143,8 +141,7 @@ def test_true_images_and_labels_leave_learning_alone(model):
         table.loc["against the truth", "bins_x_N"], rel=1e-3
     )
 
-
-def test_mechanics_is_the_labels_distance_from_the_true_force(model):
+    # Mechanics is the labels distance from the true force
     predictions = evaluated(model, truth_of(model[2], force_factor=1.12))
     table = error_budget_table(predictions).set_index("part")
     rows = ShardDataset(model[2], "test")
@@ -155,8 +152,7 @@ def test_mechanics_is_the_labels_distance_from_the_true_force(model):
         assert table.loc["mechanics", f"total_{name}_N"] == pytest.approx(total, rel=1e-5)
         assert table.loc["contact point", f"total_{name}_N"] == pytest.approx(total / 12, rel=1e-5)
 
-
-def test_without_a_truth_there_is_no_table(model):
+    # Without a truth there is no table
     predictions = evaluated(model, None)
     assert not predictions.has_truth
     assert error_budget_table(predictions) is None

@@ -113,7 +113,7 @@ def test_errors_of_the_total_force(evaluated):
         assert table.loc["RMSET_FT", name] == pytest.approx(np.sqrt(np.mean(np.square(ft))), rel=1e-9)
 
 
-def test_predictions_hold_all_rows_of_the_test_split(evaluated):
+def test_predictions_hold_all_test_rows_and_the_mean_of_training(evaluated):
     shards, path = evaluated
     rows = ShardDataset(shards, "test")
     expected = rows.read(np.arange(len(rows)), ["cell", "press", "untouched", "force_distribution_N"])
@@ -124,15 +124,14 @@ def test_predictions_hold_all_rows_of_the_test_split(evaluated):
         np.testing.assert_array_equal(file["true_N"], expected["force_distribution_N"])
         assert file.attrs["synthetic"]
 
-
-def test_training_mean_is_that_of_touched_training_rows(evaluated):
+    # Training mean is that of touched training rows
     rows = ShardDataset(evaluated[0], "train")
     block = rows.read(np.arange(len(rows)), ["force_distribution_N", "untouched"])
     mean = block["force_distribution_N"][~block["untouched"]].astype(float).mean(axis=0)
     np.testing.assert_allclose(Predictions(evaluated[1]).training_mean, mean, rtol=1e-12, atol=1e-15)
 
 
-def test_baselines(evaluated):
+def test_baselines_stand_beside_the_network(evaluated):
     predicted, true = maps(evaluated[1])
     predictions = Predictions(evaluated[1])
     table = baselines_table(predictions).set_index("predictor")
@@ -147,11 +146,9 @@ def test_baselines(evaluated):
         assert table.loc[name, "total_Fz_rms_N"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
     assert table.loc["zero", "centre_of_pressure_median_mm"] == np.inf
 
-
-def test_scikit_learns_baselines_stand_beside(evaluated):
+    # Scikit learns baselines stand beside
     predictions, true = Predictions(evaluated[1]), maps(evaluated[1])[1]
     assert predictions.baselines == ["kernel ridge", "nearest neighbours", "ridge"]
-    table = baselines_table(predictions).set_index("predictor")
     for name in predictions.baselines:
         with h5py.File(evaluated[1]) as file:
             said = file[f"baselines/{name}"][()].astype(float)
@@ -211,7 +208,7 @@ def test_the_distance_to_training_is_that_of_the_nearest_mirror_image(evaluated)
         assert away == pytest.approx(np.linalg.norm(images - place, axis=1).min())
 
 
-def test_reliability(evaluated):
+def test_reliability_and_coverage_of_intervals(evaluated, tmp_path):
     predicted, true = maps(evaluated[1])
     predictions = Predictions(evaluated[1])
     table = reliability_table(predictions).set_index("quantity")["value"]
@@ -233,9 +230,7 @@ def test_reliability(evaluated):
     else:
         assert not [name for name in table.index if "interval" in name]
 
-
-def test_coverage_of_a_model_with_intervals(evaluated, tmp_path):
-    """The small model has too few validation rows for intervals of its own: it is given some."""
+    # The small model has too few validation rows for intervals of its own: it is given some.
     shards, _ = evaluated
     half = np.empty(0), np.full((1, 3), 0.05), np.full((1, 3), 0.2)
     model = replace(load_model(shards[0].parents[1] / "model.pt"), intervals=Intervals(*half, *half))

@@ -70,13 +70,12 @@ def test_a_training_without_memory_says_so(command, tmp_path, monkeypatch, fail,
     assert "Traceback" not in said
 
 
-def test_another_error_of_pytorch_is_not_called_memory(command, tmp_path, monkeypatch):
+def test_other_errors_are_called_memory_only_if_they_are(command, tmp_path, monkeypatch):
     monkeypatch.setattr("gelforge.learning.training.train.one_pass", raising(RuntimeError("shapes differ")))
     with pytest.raises(RuntimeError, match="shapes differ"):
         command("train", "--model", tmp_path / "model.pt", "--loss", tmp_path / "loss.csv")
 
-
-def test_a_library_that_finds_no_memory_is_one_line(command, tmp_path, monkeypatch):
+    # A library that finds no memory is one line
     error = ImportError("libtorch_cpu.so: failed to map segment from shared object")
     monkeypatch.setattr("gelforge.cli.model.learning.load_study", raising(error))
     code, said = command("train", "--model", tmp_path / "model.pt", "--loss", tmp_path / "loss.csv")

@@ -45,7 +45,7 @@ def until(condition):
 
 
 # --------------------------------------------------------------------------------------------- capture
-def test_frames_that_come_meanwhile_are_dropped_and_counted():
+def test_frames_that_come_meanwhile_are_dropped_and_a_silent_camera_waited_for():
     source = Source()
     with Capture(source) as capture:
         source.hand(STILL)
@@ -61,8 +61,7 @@ def test_frames_that_come_meanwhile_are_dropped_and_counted():
     assert capture.ended
     assert capture.error is None
 
-
-def test_a_silent_camera_is_waited_for_a_while():
+    # A silent camera is waited for a while
     source = Source()
     with Capture(source) as capture:
         assert capture.newest(0.05) is None
@@ -77,7 +76,7 @@ def test_an_impossible_rate_is_refused(fps):
 
 
 # ------------------------------------------------------------------------------------------ computation
-def test_a_reading_holds_totals_intervals_and_centre():
+def test_a_reading_holds_totals_intervals_and_centre_if_touched():
     reading = force_of()(shot(MOVED))
     assert reading.touched
     np.testing.assert_allclose(reading.total_N, reading.force_N.sum(axis=0))
@@ -92,6 +91,13 @@ def test_a_reading_holds_totals_intervals_and_centre():
     np.testing.assert_allclose(contact.force_N, reading.total_N)
     assert not reading.warnings
 
+    # An untouched frame has no centre and exact zeros
+    reading = force_of()(shot(STILL))
+    assert not reading.touched
+    assert reading.cop_mm is None
+    assert reading.contacts == ()
+    assert not reading.force_N.any()
+
 
 def test_frames_are_reduced_as_the_images_that_the_model_learnt_from():
     whole, small = force_of()(shot(MOVED)), force_of(scale=0.8)
@@ -99,14 +105,6 @@ def test_frames_are_reduced_as_the_images_that_the_model_learnt_from():
     # 1.8 px above the model's threshold at either scale; in pixels of the reduced image it would be 1.4
     assert small(shot(MOVED)).force_N[6, 2] == pytest.approx(whole.force_N[6, 2], rel=0.08)
     assert "160 x 120" in small(shot(np.zeros((96, 128), np.uint8))).problem  # frames come as large as ever
-
-
-def test_an_untouched_frame_has_no_centre_and_exact_zeros():
-    reading = force_of()(shot(STILL))
-    assert not reading.touched
-    assert reading.cop_mm is None
-    assert reading.contacts == ()
-    assert not reading.force_N.any()
 
 
 @pytest.mark.parametrize(
@@ -173,11 +171,6 @@ def test_a_foreign_page_may_not_read(origin):
     assert found.value.response.status_code == 403
 
 
-def test_the_servers_own_page_may_read():
-    with LiveRun() as run, connect(run.url, origin=run.server.url.rstrip("/")) as client:
-        received(client, "about")
-
-
 @pytest.mark.parametrize(
     ("host", "origin", "fine"),
     [
@@ -208,7 +201,7 @@ def test_a_header_sent_twice_is_a_bad_request(name):
         assert client.recv(1000).startswith(b"HTTP/1.1 400 ")
 
 
-def test_page_and_other_addresses():
+def test_the_page_and_its_own_stream_may_be_read():
     with LiveRun() as run:
         with urllib.request.urlopen(run.server.url) as answer:
             page = answer.read().decode()
@@ -219,6 +212,10 @@ def test_page_and_other_addresses():
             with pytest.raises(urllib.error.HTTPError) as found:
                 urllib.request.urlopen(run.server.url + path)
             assert found.value.code == code
+
+    # The servers own page may read
+    with LiveRun() as run, connect(run.url, origin=run.server.url.rstrip("/")) as client:
+        received(client, "about")
 
 
 @pytest.mark.parametrize("text", ["", "[1]", '"zero"', '{"do": "format"}', "{" * 500, b"\xff\x00"])

@@ -75,7 +75,7 @@ def test_an_untrained_unet_passes_the_inverse_on():
     torch.testing.assert_close(found.reshape(2, 15, 3), forces.reshape(2, 15, 3) * network.skip)
 
 
-def test_keys_of_another_network_are_refused():
+def test_keys_belong_to_a_network_and_have_usual_values():
     with pytest.raises(
         ValidationError, match=r"hidden is a key of network paper, found network unet; .*set network: paper"
     ):
@@ -86,16 +86,14 @@ def test_keys_of_another_network_are_refused():
     ):
         Learning(network="paper", channels=8)
 
-
-def test_what_is_left_open_is_usual_for_the_network():
+    # What is left open is usual for the network
     assert Learning(network="paper").usual.steps == 54_000
     assert Learning(network="paper").usual.batch_size == 400
     assert Learning(network="paper", steps=3).usual.steps == 3
     assert Learning().usual.learning_rate == 3e-3
     assert Learning.model_validate(Learning(network="paper", hidden=[9]).model_dump()).hidden == [9]
 
-
-def test_a_study_that_gives_widths_of_layers_means_the_papers_network():
+    # A study that gives widths of layers means the papers network
     assert Learning(hidden=[32, 16], steps=5).network == "paper"
     assert Learning(input_form="vector").usual.steps == 54_000
     assert Learning(steps=5).network == "unet"

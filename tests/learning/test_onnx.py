@@ -139,7 +139,7 @@ def test_the_check_of_totals_is_pytorchs(pair):
         np.testing.assert_array_equal(loaded.follow(2 * feature, state)[2].force, expected)
 
 
-def test_a_model_without_inverse_does_not_know_whether_it_agrees(exported, tmp_path):
+def test_a_model_without_inverse_or_with_other_forces_is_told(exported, tmp_path):
     model = replace(exported("paper")[0], inverse=None, check=None)
     save_model(tmp_path / "model.pt", model)
     export_onnx(tmp_path / "model.pt", tmp_path / "model.onnx")
@@ -147,8 +147,7 @@ def test_a_model_without_inverse_does_not_know_whether_it_agrees(exported, tmp_p
     assert np.isnan(load_onnx(tmp_path / "model.onnx").answer(feature)[1]).all()
     assert np.isnan(load_model(tmp_path / "model.pt").disagreement(feature, model.predict(feature))).all()
 
-
-def test_forces_that_differ_are_named(exported):
+    # Forces that differ are named
     model, path = exported("paper")
     wrong = replace(model, network=nn.Sequential(model.network, _Tilted()))
     with pytest.raises(ModelError, match="not exported, ONNX Runtime and PyTorch differ in forces"):

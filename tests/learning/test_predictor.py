@@ -48,8 +48,7 @@ def test_frames_give_what_the_stages_give_one_by_one(predictor):
         assert prediction.force_N.shape == (25, 3)
         assert prediction.name == frame.name
 
-
-def test_the_first_frame_is_the_reference_if_none_is_given(predictor):
+    # The first frame is the reference if none is given
     found = list(predict_frames(predictor, frames(0, 2)))
     expected = list(predict_frames(predictor, frames(0, 2), pattern(0)))
     for one, other in zip(found, expected, strict=True):
@@ -88,7 +87,7 @@ def test_frames_are_reduced_as_the_images_that_the_model_learnt_from(predictor):
     assert feature[:16].mean() == pytest.approx(2, rel=0.05)  # px of the frame
 
 
-def test_every_step_is_timed(predictor):
+def test_every_step_is_timed_after_the_warm_up(predictor):
     timing = Timing()
     for prediction in predict_frames(predictor, frames(0, 1, 2, 3), pattern(0)):
         assert set(prediction.seconds) == set(STEPS)
@@ -101,8 +100,7 @@ def test_every_step_is_timed(predictor):
     assert table.loc["whole", "p50_ms"] >= table.loc["flow", "p50_ms"]
     assert table.loc["whole", "fps_at_p50"] == pytest.approx(1000 / table.loc["whole", "p50_ms"])
 
-
-def test_frames_of_the_warm_up_are_not_counted(predictor):
+    # Frames of the warm up are not counted
     timing = Timing(warm_up=3)
     for prediction in predict_frames(predictor, frames(0, 1, 2), pattern(0)):
         timing.add(prediction)
@@ -171,14 +169,13 @@ def test_frames_of_another_camera_are_remapped_to_the_models_view(predictor):
         list(predict_frames(seen, frames(2)))
 
 
-def test_no_prediction_is_returned_that_is_not_finite(predictor):
+def test_frames_of_another_size_and_numbers_not_finite_stop(predictor):
     feature = np.zeros(32, np.float32)
     assert np.isfinite(predictor(feature)).all()
     feature[3] = np.nan
     with pytest.raises(ModelError, match="not finite, 1 features are not"):
         predictor(feature)
 
-
-def test_a_frame_of_another_size_stops(predictor):
+    # A frame of another size stops
     with pytest.raises(ImageError, match="160 x 120"):
         list(predict_frames(predictor, frames(0), pattern(0, (100, 100))))

@@ -21,7 +21,7 @@ def rows(count, seed, noise=1e-4):
     return predicted, true, untouched
 
 
-def test_untouched_images_are_zero_and_light_touches_are_not():
+def test_untouched_images_are_zero_and_the_centre_of_pressure_nearer():
     zero = find_zero(*rows(600, 1), GRID)
     predicted, true, untouched = rows(600, 2)
     found = zero.applied(predicted)
@@ -29,8 +29,7 @@ def test_untouched_images_are_zero_and_light_touches_are_not():
     observable = -true[..., 2].sum(axis=1) >= 0.02
     assert (np.abs(found[observable]).max(axis=(1, 2)) > 0).mean() > 0.99
 
-
-def test_the_centre_of_pressure_is_nearer_than_without_a_threshold():
+    # The centre of pressure is nearer than without a threshold
     zero = find_zero(*rows(600, 1, noise=1e-3), GRID)
     predicted, true, untouched = rows(600, 2, noise=1e-3)
     known = centre_of_pressure(true[~untouched], *GRID)
@@ -109,19 +108,16 @@ def test_a_few_groups_whose_errors_differ_give_wide_enough_intervals():
     assert np.mean(held) == pytest.approx(0.908, abs=0.012)  # its standard deviation is 0.005
 
 
-def test_labels_without_error_bars_widen_nothing():
+def test_intervals_need_rows_and_only_labels_with_bars_widen_them():
     predicted, true, _ = rows(300, 1)
     intervals = found(predicted, labels_of(true, np.nan))
     np.testing.assert_array_equal(intervals.of_true_totals(predicted), intervals.of_totals(predicted))
 
-
-def test_too_few_rows_give_no_interval():
+    # Too few rows give no interval
     predicted, true, _ = rows(20, 1)
     assert found(predicted, labels_of(true)) is None
 
-
-def test_labels_without_error_bars_do_not_dilute_those_with():
-    """Where simulated rows, which have none, stand beside recorded ones."""
+    # Where simulated rows, which have none, stand beside recorded ones.
     predicted, true, _ = rows(300, 1)
     labels = labels_of(true, 0.1)
     labels.bin_sigma[30:] = np.nan

@@ -86,12 +86,11 @@ def test_what_has_no_derivative_is_refused_with_a_remedy(at, keys, words):
         gf.torch_press(x, *rest, **TWO_STEPS | keys)
 
 
-def test_names_along_which_no_derivative_is_asked_are_refused():
+def test_derivatives_are_those_of_one_mesh_and_one_path():
     with pytest.raises(ConfigError, match=r"along: \['friction'\]; choose among .* effects need a value"):
         gf.press_slopes(6.0, 6.0, 0.5, along=["friction"], **TWO_STEPS)
 
-
-def test_effects_that_have_derivatives_are_those_of_one_mesh_and_one_path():
+    # Effects that have derivatives are those of one mesh and one path
     from gelforge.api.differentiable import effects_with_slopes
 
     names = set(effects_with_slopes())

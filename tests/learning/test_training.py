@@ -62,16 +62,14 @@ def weights(path):
 
 
 # -------------------------------------------------------------------------------------------- the network
-def test_the_papers_network():
+def test_the_papers_network_passes_the_signal():
     network = paper_network(3200, [800, 600, 400], 1200, 0.1, seed=0)
     shapes = [tuple(layer.weight.shape) for layer in network if isinstance(layer, torch.nn.Linear)]
     assert shapes == [(800, 3200), (600, 800), (400, 600), (1200, 400)]
     assert [type(layer).__name__ for layer in network] == ["Linear", "Sigmoid", "Dropout"] * 3 + ["Linear"]
     assert {layer.p for layer in network if isinstance(layer, torch.nn.Dropout)} == {0.1}
 
-
-def test_the_signal_passes_an_untrained_network():
-    """Unit inputs must not fade: PyTorch's own start leaves some 1e-3 of them after three sigmoids."""
+    # Unit inputs must not fade: PyTorch's own start leaves some 1e-3 of them after three sigmoids.
     network = paper_network(3200, [800, 600, 400], 1200, 0.1, seed=0).eval()
     inputs = torch.randn(64, 3200, generator=torch.Generator().manual_seed(0))
     outputs = network(inputs).detach()
@@ -80,7 +78,7 @@ def test_the_signal_passes_an_untrained_network():
 
 
 # ------------------------------------------------------------------------------------------------ scaling
-def test_scaling_gives_unit_size_and_comes_back(study, shards):
+def test_scaling_gives_unit_size_without_jumps(study, shards):
     rows = ShardDataset(shards, "train")
     index = np.arange(len(rows))
     scaling = measure_scaling(rows, index, "vector")
@@ -94,15 +92,13 @@ def test_scaling_gives_unit_size_and_comes_back(study, shards):
     np.testing.assert_allclose(np.mean(targets.reshape(-1, 3) ** 2, axis=0), 1, rtol=1e-5)
     np.testing.assert_allclose(scaling.newtons(targets), label, atol=1e-7)
 
-
-def test_regions_that_never_move_stay_small(study, shards):
+    # Regions that never move stay small
     rows = small_rows()
     rows["feature"][:, 0] = 1e-4 * np.random.default_rng(0).normal(size=len(rows["cell"]))
     scaled = measure_scaling(ShardDataset(shards), np.arange(8), "polar").inputs(rows["feature"])
     assert np.ptp(scaled[:, 0]) < 0.01
 
-
-def test_vector_inputs_do_not_jump_at_pi():
+    # Vector inputs do not jump at pi
     scaling = Scaling(
         "vector", "identity", np.zeros(2, np.float32), np.ones(2, np.float32), np.zeros((1, 3)), np.ones(3)
     )
@@ -133,7 +129,7 @@ def test_scaling_does_not_know_the_test_rows(study, tmp_path, form):
         np.testing.assert_array_equal(one, other)
 
 
-def test_no_cell_is_on_two_sides(study, shards):
+def test_no_cell_is_on_two_sides_and_images_of_a_press_are_one_group(study, shards):
     test, train_rows = (set(positions_of(ShardDataset(shards, side))) for side in ("test", "train"))
     assert not test & train_rows
     rows = ShardDataset(shards, "train")
@@ -142,6 +138,12 @@ def test_no_cell_is_on_two_sides(study, shards):
     sides = [set(rows.read(index, ["cell"])["cell"]) for index in (training, validation)]
     assert not sides[0] & sides[1]
     assert all(sides)
+
+    # Images of a press at a depth are one group
+    groups = images_of_presses(rows, np.arange(len(rows)))
+    block = rows.read(np.arange(len(rows)), ["press", "depth_mm", "session"])
+    keys = list(zip(block["session"], block["press"], block["depth_mm"]))
+    assert len(set(groups)) == len(set(keys)) == len(set(zip(groups, keys)))
 
 
 # --------------------------------------------------------------------------------------------------- runs
@@ -211,10 +213,17 @@ def test_a_checkpoint_of_other_settings_or_a_damaged_one_is_not_used(study, shar
     assert (fresh / "model.pt").read_bytes() == (other / "model.pt").read_bytes()
 
 
-def test_a_step_size_that_diverges_is_named(study, shards, tmp_path):
+def test_labels_alone_or_a_diverging_step_size_cannot_train(study, shards, tmp_path):
     wild = study.model_copy(update={"learning": Learning(channels=4, steps=5, learning_rate=1e30)})
     with pytest.raises(ModelError, match=r"not finite; give a smaller learning\.learning_rate"):
         train(wild, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
+
+    # Labels only cannot train
+    path = tmp_path / "shard.h5"
+    with writing_shard(path, {"synthetic": False}, True, 32, 25):
+        pass
+    with pytest.raises(ModelError, match="labels only"):
+        train(study, [path], tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
 
 
 def test_the_loss_falls(study, shards, tmp_path):
@@ -225,14 +234,6 @@ def test_the_loss_falls(study, shards, tmp_path):
     # the scaled training labels have variance 1, the loss of the training mean; dropout keeps a small network above 0.4
     assert loss["training"].iloc[-1] < 0.6
     assert loss["validation"].iloc[-1] < loss["validation"].iloc[0]
-
-
-def test_labels_only_cannot_train(study, tmp_path):
-    path = tmp_path / "shard.h5"
-    with writing_shard(path, {"synthetic": False}, True, 32, 25):
-        pass
-    with pytest.raises(ModelError, match="labels only"):
-        train(study, [path], tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
 
 
 @pytest.mark.parametrize("content", [b"", b"half a file", None])
@@ -325,14 +326,6 @@ def test_a_pass_takes_one_image_of_each_press_and_another_the_next_time(study, t
         assert sorted(np.array(where) // 4) == sorted(set(groups))
     np.testing.assert_array_equal(passes[0], passes[2])
     assert not np.array_equal(np.sort(passes[0], axis=0), np.sort(passes[1], axis=0))
-
-
-def test_images_of_a_press_at_a_depth_are_one_group(study, shards):
-    rows = ShardDataset(shards, "train")
-    groups = images_of_presses(rows, np.arange(len(rows)))
-    block = rows.read(np.arange(len(rows)), ["press", "depth_mm", "session"])
-    keys = list(zip(block["session"], block["press"], block["depth_mm"]))
-    assert len(set(groups)) == len(set(keys)) == len(set(zip(groups, keys)))
 
 
 @pytest.mark.parametrize("steps", [1, 3, 50])

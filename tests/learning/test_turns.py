@@ -112,18 +112,16 @@ def test_a_known_camera_says_how_its_image_lies(changed, lie):
     assert seen_by_camera(camera, SENSOR) == lie
 
 
-def test_images_that_do_not_follow_the_indenter_are_taken_as_they_are():
+def test_order_and_centre_of_the_flow_on_squares_and_rectangles():
     position, centre = RNG.uniform(4, 28, (40, 2)), RNG.normal(size=(40, 2))
     assert image_on_sensor(centre, position, WIDTH) == ("identity", False)
     assert image_on_sensor(centre[:1], position[:1], WIDTH) == ("identity", False)
 
-
-def test_the_flow_s_centre_is_where_it_moves():
+    # The flow s centre is where it moves
     flow = np.zeros((1, 2, 16))
     flow[0, :, 4 * 3 + 1] = 2.0  # column 1, row 3 of 4 x 4
     assert_allclose(flow_centre(flow, 4), [[-0.125, 0.375]])
 
-
-def test_a_rectangle_is_mirrored_and_not_turned_by_a_quarter():
+    # A rectangle is mirrored and not turned by a quarter
     assert set(names_of(square=False)) == {"identity", "rotate_180", "mirror_x", "mirror_y"}
     assert_array_equal(order("mirror_x", 3, 2), [2, 1, 0, 5, 4, 3])

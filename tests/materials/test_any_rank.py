@@ -89,7 +89,7 @@ def test_a_model_with_a_parameter_at_its_bound_is_kept_where_the_simpler_one_has
     assert found.chosen.name == "yeoh" and found.chosen.fitted.at_bound == ("C30_kPa",)
 
 
-def test_terms_that_the_tests_do_not_determine_are_left_out_with_a_word(chosen):
+def test_terms_that_the_tests_do_not_determine_are_left_out_with_a_word(chosen, tmp_path):
     found = chosen(["ogden2"], 0.0)
     assert found.chosen.name == "ogden1"
     assert found.warnings[0].startswith("ogden1 IS FITTED IN PLACE OF ogden2")
@@ -97,8 +97,7 @@ def test_terms_that_the_tests_do_not_determine_are_left_out_with_a_word(chosen):
     assert chosen(["ogden2", "neo_hooke"], 0.0).chosen.name == "neo_hooke"  # nothing to replace
     assert chosen(["ogden2", "neo_hooke"], 0.0, "first").chosen.name == "ogden1"
 
-
-def test_a_fit_in_python_warns_of_terms_that_were_left_out(chosen, tmp_path):
+    # A fit in python warns of terms that were left out
     with pytest.warns(UserWarning, match="ogden1 IS FITTED IN PLACE OF ogden2"):
         fitted = gf.fit(folder_of(specimens(0.0), tmp_path))
     assert fitted.model == "ogden1" and "IN PLACE OF ogden2" in str(fitted)
@@ -131,12 +130,11 @@ def test_a_covariance_that_is_none_is_refused(tmp_path):
             read_law(tmp_path / "law.json")
 
 
-def test_a_parameter_next_to_its_bound_is_moved_away_from_it():
+def test_a_parameter_next_to_its_bound_or_limit_is_moved():
     near = MaterialLaw("gel", MooneyRivlin(0.02, 0.0), "", np.diag([0.1, 0.3]) ** 2)
     assert all(law.C01 >= 0 for law in moved_laws(near, AMOUNT)) and len(moved_laws(near, AMOUNT)) == 2
 
-
-def test_a_model_whose_limit_lies_within_the_states_looked_at_is_moved():
+    # A model whose limit lies within the states looked at is moved
     short = MaterialLaw("gel", Gent(0.02, 0.8), "", np.diag([0.5, 0.05]) ** 2)  # I1 - 3 reaches 1.2 there
     assert len(moved_laws(short, AMOUNT)) == 2
 

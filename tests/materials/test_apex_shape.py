@@ -38,15 +38,14 @@ def test_apex_radius_of_an_ellipse_is_not_that_of_a_circle_through_it(a, b, heig
     assert_allclose(shape.conic_constant, (a / b) ** 2, rtol=0.03)
 
 
-def test_a_circle_stays_a_circle_and_dust_does_not_matter():
+def test_a_circle_stays_a_circle_with_dust_or_blur():
     picture = view(130, 130, 150).astype(float)
     picture[60:66, 300:304] = 40  # dust on the screen, above the flank
     picture[173:183, 196:206] = 40  # and on the apex itself, a bump of 7 px
     shape = apex_shape(picture, 1.0)
     assert_allclose(shape.radius_mm, 130, rtol=2e-3)
 
-
-def test_bright_membrane_on_dark_screen_and_blur():
+    # Bright membrane on dark screen and blur
     picture = 255 - view(130, 130, 150, Camera(blur_px=2.0, noise_grey=4.0)).astype(int)
     assert_allclose(apex_shape(picture, 1.0).radius_mm, 130, rtol=3e-3)
 

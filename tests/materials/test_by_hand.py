@@ -82,12 +82,18 @@ def test_a_folder_becomes_law_tables_and_notes(tmp_path):
     assert {p: p.read_bytes() for p in sorted(tmp_path.rglob("*.*"))} == first
 
 
-def test_sources_that_cannot_be_read_are_named(tmp_path):
+def test_sources_that_cannot_be_read_or_believed_are_named(tmp_path):
     with pytest.raises(TableError, match=r"nowhere: no such file or folder"):
         read_sources([tmp_path / "nowhere"], None)
     (tmp_path / "a.csv").write_text("x,y\n1,2\n")
     with pytest.raises(TableError, match=r"a\.csv: a single file needs a mapping"):
         read_sources([tmp_path / "a.csv"], None)
+
+    # A wrong unit is refused
+    with pytest.raises(
+        TableError, match=r"shear modulus of .* kPa; 1 to 100 kPa is declared plausible: check the units"
+    ):
+        read_sources(*strip(tmp_path, unit="MPa"))
 
 
 def strip(folder, unit="kPa", rows=10):
@@ -107,10 +113,3 @@ def test_ten_points_are_not_fitted_in_silence(tmp_path):
     assert result.comparison.chosen.name == "neo_hooke"
     assert any("fewer than 12 rows" in text for text in result.comparison.warnings)
     assert any("NOT IDENTIFIABLE" in text for text in read_law(tmp_path / "out" / "law.json").notes)
-
-
-def test_a_wrong_unit_is_refused(tmp_path):
-    with pytest.raises(
-        TableError, match=r"shear modulus of .* kPa; 1 to 100 kPa is declared plausible: check the units"
-    ):
-        read_sources(*strip(tmp_path, unit="MPa"))

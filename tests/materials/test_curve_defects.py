@@ -60,6 +60,10 @@ def test_a_pull_that_rest_cannot_have_is_an_offset(tmp_path):
         25, rel=0.02
     )
 
+    # An offset of a few per cent is reported only
+    test = read(tmp_path, LAM, noisy(P(LAM)) + 3)
+    assert any("at rest: a preload" in text and "zero_force" in text for text in test.findings)
+
 
 def test_a_cut_that_leaves_too_little_is_refused(tmp_path):
     few = np.linspace(1, 1.5, 10)
@@ -74,11 +78,6 @@ def test_a_cut_that_leaves_too_little_is_refused(tmp_path):
     stress = P(few)
     stress[6:] *= 0.01
     assert len(read(tmp_path, few, stress, corrections={"after_fall": "cut"}).stretch) == 6
-
-
-def test_an_offset_of_a_few_per_cent_is_reported_only(tmp_path):
-    test = read(tmp_path, LAM, noisy(P(LAM)) + 3)
-    assert any("at rest: a preload" in text and "zero_force" in text for text in test.findings)
 
 
 @pytest.mark.parametrize(
@@ -167,20 +166,18 @@ def test_points_in_any_order_are_named_and_sorted(tmp_path, history, count, seed
     assert modulus(ordered) == pytest.approx(1e3 * G, rel=1e-3)
 
 
-def test_two_exchanged_points_name_the_remedy_too(tmp_path):
+def test_the_order_of_points_is_checked(tmp_path):
     lam = np.linspace(1, 2, 30)
     lam[[10, 14]] = lam[[14, 10]]
     with pytest.raises(TableError, match="where the points are in no order, sort them with .*unsorted: sort"):
         read(tmp_path, lam, P(lam))
 
-
-def test_coarse_cycles_are_no_disorder(tmp_path):
+    # Coarse cycles are no disorder
     way = np.linspace(1, 2, 6)
     cycles = np.tile(np.r_[way, way[::-1][1:-1]], 4)
     assert len(read(tmp_path, cycles, P(cycles), history="cyclic").segments) >= 7
 
-
-def test_a_test_that_only_unloads_is_refused(tmp_path):
+    # A test that only unloads is refused
     with pytest.raises(TableError, match="no loading is found"):
         read(tmp_path, LAM[::-1], P(LAM)[::-1], history="cyclic")
 

@@ -78,8 +78,7 @@ def test_two_tests_decide_only_with_the_scatter_of_repeats():
     assert 0.01 < scatter.deviation < 0.04 and scatter.freedom == 5
     assert effect_of(AGE, tests, scatter).verdict == "significant stiffening"
 
-
-def test_a_small_but_certain_change_is_called_small():
+    # A small but certain change is called small
     tests = [loading(1 + 0.02 * k / 9, dose=k) for k in range(3)]
     effect = effect_of(TREATMENT, tests, scatter_between([[loading(), loading(1.0001)]]))
     assert effect.verdict == "negligible"  # within 5 %, though resolved
@@ -121,10 +120,14 @@ def test_prony_series_is_recovered_with_its_ramp_taken_out(ramp):
     assert fit.drop_at(50) == pytest.approx(1 - relaxed(np.array([50.0]))[0] / P0, abs=0.02)
 
 
-def test_without_the_ramp_the_fast_share_would_be_lost():
+def test_a_relaxation_needs_its_ramp_and_its_rows():
     t = np.geomspace(0.05, 2000, 900)
     blind = fit_relaxation(t, relaxed(t, 5.0), ramp_s=0.0)
     assert blind.instantaneous_stress < 0.93 * P0  # of the 2 s term only 37 % are left after a ramp of 5 s
+
+    # Too few rows are refused
+    with pytest.raises(ValueError, match="8 at least are needed for a relaxation spectrum"):
+        fit_relaxation(np.arange(1.0, 6), np.ones(5))
 
 
 def test_a_power_law_is_told_from_a_prony_series_and_noise_needs_no_more_terms():
@@ -150,11 +153,6 @@ def test_the_hold_of_a_test_is_found_and_its_ramp_used():
     assert fit.stretch == pytest.approx(0.5)
     with pytest.raises(ValueError, match="no hold 2"):
         relaxation_of(test, 1)
-
-
-def test_too_few_rows_are_refused():
-    with pytest.raises(ValueError, match="8 at least are needed for a relaxation spectrum"):
-        fit_relaxation(np.arange(1.0, 6), np.ones(5))
 
 
 # ------------------------------------------------------------------------------------- hysteresis, softening
@@ -185,7 +183,7 @@ def cyclic(*peaks, factor=1.0):
     return MaterialTest("uniaxial", "c", lam, P, time, history="cyclic", segments=find_segments(lam, time))
 
 
-def test_hysteresis_of_a_loop_with_a_known_area():
+def test_loops_have_their_area_and_the_second_of_damage_loses_nothing():
     t = np.linspace(0, 2, 401)
     lam = np.where(t <= 1, 1 + t, 3 - t)
     P = np.where(t <= 1, lam - 1, 0.7 * (lam - 1))  # loading work 1/2, unloading 0.35
@@ -197,8 +195,7 @@ def test_hysteresis_of_a_loop_with_a_known_area():
     shifted = MaterialTest("uniaxial", "x", lam, P - np.where(t > 1, 0.07, 0), t, segments=test.segments)
     assert loops(shifted)[0].residual_strain == pytest.approx(0.1, abs=1e-6)  # 0.7 e = 0.07
 
-
-def test_the_second_loop_of_damage_loses_nothing():
+    # The second loop of damage loses nothing
     first, second = loops(cyclic(2.0, 2.0))
     assert first.lost_share > 0.2
     assert abs(second.lost_share) < 0.01 and "negligible" in second.sentence

@@ -68,12 +68,11 @@ def test_a_line_of_units_is_recognised(tmp_path, units):
     assert_right(read(tmp_path, [HEADER, units, *rows()]))
 
 
-def test_a_line_of_other_units_than_declared_is_refused(tmp_path):
+def test_a_line_of_other_units_or_of_text_is_refused_unless_declared(tmp_path):
     with pytest.raises(TableError, match=r"row 2: load is in \(kN\), the mapping declares N; set `unit: kN`"):
         read(tmp_path, [HEADER, "(mm),(kN),", *rows(1, 1e3)])
 
-
-def test_text_that_is_no_unit_is_not_skipped_unless_declared(tmp_path):
+    # Text that is no unit is not skipped unless declared
     lines = [HEADER, "way of head,newtons,", *rows()]
     with pytest.raises(TableError, match="row 2: way is 'way of head'"):
         read(tmp_path, lines)

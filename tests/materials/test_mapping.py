@@ -151,9 +151,18 @@ def test_toe_offset_and_late_start_are_reported_and_corrected_only_when_asked(re
     assert read(late, corrections={"zero_strain": True})[0].stretch[0] == pytest.approx(1.0)
 
 
-def test_a_clean_curve_has_nothing_to_report_but_what_is_missing(read):
+def test_a_curve_reports_what_is_missing_or_unchecked(read):
     assert read(PLAIN)[0].findings == ("no time column: rate, holds and relaxation cannot be found",)
     assert read({**PLAIN, "t": LAM}, time={"column": "t"})[0].findings == ()
+
+    # A range too wide to show a unit wrong by a thousand is said
+    wide = {"plausible_shear_modulus_kPa": [0.5, 5000]}
+    soft = read({"stretch": LAM, "P": 0.04 * P(LAM)}, **wide)[0]  # 2 kPa; as kPa for Pa it would be 2000
+    assert any(s.startswith("units are not checked: a shear modulus of 2 kPa") for s in soft.findings)
+    assert not any(
+        "units are not checked" in s for s in read(PLAIN, **wide)[0].findings
+    )  # 50 kPa: both fall out
+    assert not any("units are not checked" in s for s in read(PLAIN)[0].findings)
 
 
 def test_time_that_goes_back_or_stands_still(read):
@@ -192,7 +201,7 @@ def test_what_cannot_be_right_is_refused(read, what):
         read(columns, **changes)
 
 
-def test_empty_file_and_decimal_commas(read, tmp_path):
+def test_empty_files_decimal_commas_and_few_rows(read, tmp_path):
     read(PLAIN)
     entry = load_mapping(tmp_path / "mapping.yaml").entry_for("a.csv")
     (tmp_path / "a.csv").write_text("")
@@ -203,8 +212,7 @@ def test_empty_file_and_decimal_commas(read, tmp_path):
     with pytest.raises(TableError, match=r"decimal commas need semicolons"):
         read(PLAIN, ",", ",")
 
-
-def test_ten_rows_are_read_and_said_to_be_few(read):
+    # Ten rows are read and said to be few
     test = read({"stretch": LAM[::4][:10], "P": P(LAM[::4][:10])})[0]
     assert test.findings[0].startswith("only 10 rows")
     with pytest.raises(TableError, match="4 rows; 5 at least"):
@@ -229,11 +237,23 @@ def test_a_mapping_that_cannot_be_used_says_why(read, changes, message):
         read(PLAIN, **changes)
 
 
-def test_a_folder_names_the_file_that_no_entry_fits(read, tmp_path):
+def test_a_folder_names_the_file_that_is_no_test(read, tmp_path):
     read(PLAIN)
     mapping = load_mapping(tmp_path / "mapping.yaml")
     with pytest.raises(ConfigError, match=r"mapping.yaml: no entry of the mapping fits"):
         read_mapped_folder(tmp_path, mapping)
+
+    # An empty folder in the place of a test is refused
+    read(PLAIN)
+    mapping = load_mapping(tmp_path / "mapping.yaml").model_copy(update={"ignore": ["*.yaml"]})
+    (tmp_path / "of_may.2026").mkdir()  # no name of a test
+    (tmp_path / "b.csv").mkdir()
+    with pytest.raises(
+        TableError, match=r"b\.csv: an empty folder where a file of a test is expected; put the file"
+    ):
+        read_mapped_folder(tmp_path, mapping)
+    (tmp_path / "a.csv").rename(tmp_path / "b.csv" / "a.csv")  # as some programs unpack: the file is inside
+    assert [test.source for test in read_mapped_folder(tmp_path, mapping)] == ["b.csv/a.csv"]
 
 
 def test_own_microindentation_with_its_sidecar(tmp_path):
@@ -244,16 +264,6 @@ def test_own_microindentation_with_its_sidecar(tmp_path):
     (tmp_path / "press.yaml").write_text("ball_radius_mm: 3\nlayer_thickness_mm: 4\n")
     test, sidecar = read_microindentation(tmp_path / "press.csv")
     assert test.ball_radius_mm == 3 and sidecar.layer_thickness_mm == 4 and len(test.force_N) == 60
-
-
-def test_a_range_too_wide_to_show_a_unit_wrong_by_a_thousand_is_said(read):
-    wide = {"plausible_shear_modulus_kPa": [0.5, 5000]}
-    soft = read({"stretch": LAM, "P": 0.04 * P(LAM)}, **wide)[0]  # 2 kPa; as kPa for Pa it would be 2000
-    assert any(s.startswith("units are not checked: a shear modulus of 2 kPa") for s in soft.findings)
-    assert not any(
-        "units are not checked" in s for s in read(PLAIN, **wide)[0].findings
-    )  # 50 kPa: both fall out
-    assert not any("units are not checked" in s for s in read(PLAIN)[0].findings)
 
 
 BALL = {
@@ -302,28 +312,14 @@ def test_layer_and_rigid_board_are_declared_in_a_mapping(read, tmp_path):
     assert "the layer's thickness raises the force by" in effect.sentence
 
 
-def test_micrometres_as_millimetres_are_no_press(read):
+def test_a_press_is_checked_and_what_is_odd_is_in_the_notes(read, tmp_path):
     table = pressed()
     with pytest.raises(TableError, match=r"travels 400 mm with a ball of 2 mm radius; 50 radii at most"):
         read({**table, "z": 1e3 * table["z"]}, **BALL)
 
-
-def test_what_is_odd_about_a_press_is_in_the_notes(read, tmp_path):
+    # What is odd about a press is in the notes
     read(pressed(), name="soft.csv", **BALL)
     [material] = read_sources([tmp_path / "soft.csv"], tmp_path / "mapping.yaml")
     result = characterise_source(material, Fitting(), tmp_path / "out", law_needed=False)
     notes = (tmp_path / "out" / "notes.txt").read_text()
     assert "soft: the contact point is not in the file" in notes and "no time column" in result.summary
-
-
-def test_an_empty_folder_in_the_place_of_a_test_is_refused(read, tmp_path):
-    read(PLAIN)
-    mapping = load_mapping(tmp_path / "mapping.yaml").model_copy(update={"ignore": ["*.yaml"]})
-    (tmp_path / "of_may.2026").mkdir()  # no name of a test
-    (tmp_path / "b.csv").mkdir()
-    with pytest.raises(
-        TableError, match=r"b\.csv: an empty folder where a file of a test is expected; put the file"
-    ):
-        read_mapped_folder(tmp_path, mapping)
-    (tmp_path / "a.csv").rename(tmp_path / "b.csv" / "a.csv")  # as some programs unpack: the file is inside
-    assert [test.source for test in read_mapped_folder(tmp_path, mapping)] == ["b.csv/a.csv"]

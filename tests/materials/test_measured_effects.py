@@ -46,7 +46,7 @@ def test_ageing_is_found_among_tests_alike_in_rate_and_named_after_its_physics()
     assert "strain_rate" in {effect for effect, _ in found.not_judged}
 
 
-def test_circumstances_that_change_together_are_not_told_apart():
+def test_covariates_that_change_together_or_hardly_are_not_judged():
     rng = np.random.default_rng(1)
     tests = [
         loading(1 + 0.3 * (d > 0), f"s{d}{k}", rng, age_days=d, temperature_C=20 + d)
@@ -58,15 +58,14 @@ def test_circumstances_that_change_together_are_not_told_apart():
     reasons = dict(found.not_judged)
     assert "only together with other covariates" in reasons["age"]
 
-
-def test_rates_a_tenth_apart_are_one_rate():
+    # Rates a tenth apart are one rate
     rng = np.random.default_rng(2)
     found = effects_of([loading(1, f"s{k}", rng, rate_per_s=0.003 * (1 + 0.05 * k)) for k in range(4)])
     assert not named(found, "strain_rate")
     assert "alike" in dict(found.not_judged)["strain_rate"]
 
 
-def test_later_cycles_are_softening_and_not_part_of_the_law():
+def test_later_cycles_are_softening():
     rng = np.random.default_rng(3)
     first = [loading(1, f"s{k}", rng, cycle=1) for k in range(5)]
     second = [loading(0.8, f"s{k}", rng, cycle=2) for k in range(5)]
@@ -75,8 +74,7 @@ def test_later_cycles_are_softening_and_not_part_of_the_law():
     assert soft.interval[0] < -0.2 < soft.interval[1]
     assert soft.samples == ("s0", "s1", "s2", "s3", "s4")
 
-
-def test_cycles_in_one_test_give_hysteresis_softening_and_ogden_roxburgh():
+    # Cycles in one test give hysteresis softening and ogden roxburgh
     tests = [cyclic(2.0, 2.0, factor=f) for f in (1.0, 1.1, 0.95)]
     found = effects_of(tests)
     [hysteresis], [soft], [law] = (named(found, n) for n in ("hysteresis", "softening", "ogden_roxburgh"))
@@ -95,7 +93,7 @@ def held(sample, equilibrium=1.0, stretch=1.5, **known):
     )
 
 
-def test_relaxation_of_three_samples_has_a_mean_and_an_age_of_its_own():
+def test_relaxation_is_averaged_over_holds_at_one_stretch():
     found = named(effects_of([held(f"s{k}") for k in range(3)]), "relaxation")
     assert len(found) == 4 and found[-1].quantity.startswith("share of stress lost within the time")
     begin, end = found[-1].parameters["time_s"]
@@ -113,8 +111,7 @@ def test_relaxation_of_three_samples_has_a_mean_and_an_age_of_its_own():
     # both relax alike but for the exponent: the measured share of the second is (last / start)^1.15
     assert share.value == pytest.approx((last / start) ** 0.15 - 1, abs=0.01)
 
-
-def test_holds_at_other_stretches_are_no_repeats():
+    # Holds at other stretches are no repeats
     stretches = (1.25, 1.5, 2.0, 1.27, 1.26)
     found = named(effects_of([held(f"s{k}", stretch=s) for k, s in enumerate(stretches)]), "relaxation")
     assert len(found) == 6 and found[-1].samples == ("s0", "s3", "s4")
@@ -231,8 +228,7 @@ def test_a_folder_with_everything_gives_a_law_and_all_effects(folder, tmp_path):
 def test_every_file_of_the_folder_decides_its_results(folder):
     assert {p.name for p in source_files(folder)} == {p.name for p in folder.iterdir()}
 
-
-def test_thickness_from_sections_that_contradicts_the_table_is_said(folder):
+    # Thickness from sections that contradicts the table is said
     text = (folder / "samples.csv").read_text().replace("s0_0,10,,", "s0_0,10,0.6,")
     (folder / "samples.csv").write_text(text)
     [gel] = read_sources([folder])
@@ -281,7 +277,7 @@ def ball_on(give, E=3.0, R=2.0, rest=0.01):
     return "depth_mm,force_N\n" + rows
 
 
-def test_the_press_on_a_rigid_board_that_the_sidecar_names_is_taken_off(tmp_path):
+def test_the_press_of_a_ball_counts_its_board_and_needs_contact(tmp_path):
     give = 0.05
     z = np.linspace(-0.1, 0.1, 120)
     board = "depth_mm,force_N\n" + "".join(f"{a:.8g},{max(a, 0) / give:.8g}\n" for a in z)
@@ -301,8 +297,7 @@ def test_the_press_on_a_rigid_board_that_the_sidecar_names_is_taken_off(tmp_path
     # the board decides the result: it belongs to the files whose change makes the material anew
     assert {p.name for p in source_files(tmp_path / "both")} == {"ball.csv", "ball.yaml", "board.csv"}
 
-
-def test_a_press_without_contact_is_not_judged(tmp_path):
+    # A press without contact is not judged
     z = np.linspace(0, 1, 60)
     text = "depth_mm,force_N\n" + "".join(f"{a:.6g},{a:.6g}\n" for a in z)
     found, not_judged = small(tmp_path / "gel", ball_csv=text, ball_yaml="ball_radius_mm: 2\n")

@@ -48,7 +48,7 @@ def test_noise_steps_and_the_turn_of_a_cycle_pass():
     checked(curve(cycle, noise=0.0, segments=(Segment("load", 0, 12, 1), Segment("unload", 11, 23, 1))))
 
 
-def test_a_start_under_load_is_refused_unless_the_force_is_zeroed():
+def test_a_start_that_bears_stress_is_refused_unless_the_force_is_zeroed():
     loaded = curve(noise=0.0)
     loaded = MaterialTest(**{**vars(loaded), "nominal_stress": loaded.nominal_stress + 2 * G})
     with pytest.raises(TableError, match=r"of the largest stress is there before a tenth of the strain"):
@@ -59,9 +59,8 @@ def test_a_start_under_load_is_refused_unless_the_force_is_zeroed():
     )  # much softer as it is pulled
     checked(soft)
 
-
-def test_rest_that_bears_stress_is_refused_and_a_stiff_start_is_not():
-    """Of an inflation whose time stands as pressure, 32 % of the largest stress are there before a tenth of the strain."""
+    # Of an inflation whose time stands as pressure, 32 % of the largest stress are there before a
+    # tenth of the strain.
     lam = np.linspace(1.0, 1.8, 60)[1:]
     time = MaterialTest(
         "equibiaxial", "a", lam, lam * lam, segments=(Segment("load", 0, 59, 1),), source="a.csv"
@@ -79,13 +78,25 @@ def test_rest_that_bears_stress_is_refused_and_a_stiff_start_is_not():
     checked(untared)  # a load cell's zero of 9 %: a matter of `zero_force`, not of the columns
 
 
-def test_copies_are_refused_and_like_samples_are_not():
+def test_copies_are_refused_and_like_samples_are_not(tmp_path):
     one, two = curve(), curve(seed=1)
     check_copies("gel", [one, two])
     with pytest.raises(
         TableError, match=r"gel: uniaxial a \(a.csv\) and uniaxial b \(b.csv\) hold the same values"
     ):
         check_copies("gel", [one, MaterialTest(**{**vars(one), "sample": "b", "source": "b.csv"})])
+
+    # Trials and sections count once
+    (tmp_path / "friction.csv").write_text("trial,tilt_deg\n1,24\n2,25\n3,24\n2,25\n")
+    with pytest.raises(TableError, match="row 5: trial 2 stands twice"):
+        static_friction(tmp_path / "friction.csv")
+    (tmp_path / "thickness.csv").write_text(
+        "sample,section,thickness_mm\n1,1,2\n1,2,2\n1,3,2\n2,1,2\n2,2,2\n2,2,2\n"
+    )
+    with pytest.raises(TableError, match="row 7: sample 2, section 2 stands twice"):
+        sheet_thickness(tmp_path / "thickness.csv")
+    (tmp_path / "friction.csv").write_text("trial,tilt_deg\n1,24\n2,24\n3,24\n")
+    assert static_friction(tmp_path / "friction.csv").count == 3
 
 
 def own_format(folder, force, corrections=""):
@@ -109,7 +120,7 @@ def test_a_row_that_is_right_is_confirmed_in_samples_csv(tmp_path):
     assert len(own_format(tmp_path / "gel", force, "keep_odd_rows")) == 1
 
 
-def test_a_press_whose_columns_are_swapped_is_refused(tmp_path):
+def test_a_press_that_is_swapped_or_off_is_refused(tmp_path):
     z = np.linspace(0, 0.3, 100)
     force = 0.2 * np.maximum(z - 0.05, 0) ** 1.5 + 1e-4 * np.random.default_rng(0).normal(size=100)
     (tmp_path / "p.yaml").write_text("ball_radius_mm: 2\n")
@@ -121,31 +132,7 @@ def test_a_press_whose_columns_are_swapped_is_refused(tmp_path):
             with pytest.raises(TableError, match="swapped|turns back|plausible|grow with depth"):
                 read_microindentation(tmp_path / "p.csv")
 
-
-def test_trials_and_sections_count_once(tmp_path):
-    (tmp_path / "friction.csv").write_text("trial,tilt_deg\n1,24\n2,25\n3,24\n2,25\n")
-    with pytest.raises(TableError, match="row 5: trial 2 stands twice"):
-        static_friction(tmp_path / "friction.csv")
-    (tmp_path / "thickness.csv").write_text(
-        "sample,section,thickness_mm\n1,1,2\n1,2,2\n1,3,2\n2,1,2\n2,2,2\n2,2,2\n"
-    )
-    with pytest.raises(TableError, match="row 7: sample 2, section 2 stands twice"):
-        sheet_thickness(tmp_path / "thickness.csv")
-    (tmp_path / "friction.csv").write_text("trial,tilt_deg\n1,24\n2,24\n3,24\n")
-    assert static_friction(tmp_path / "friction.csv").count == 3
-
-
-def ball(folder, z, force, sidecar="ball_radius_mm: 2\n"):
-    folder.mkdir(exist_ok=True)
-    (folder / "p.csv").write_text(
-        "\n".join(["depth_mm,force_N", *(f"{a:.9g},{b:.9g}" for a, b in zip(z, force))])
-    )
-    (folder / "p.yaml").write_text(sidecar)
-    return read_microindentation(folder / "p.csv")[0]
-
-
-def test_a_press_with_a_row_or_a_unit_that_is_off_is_refused_and_confirmed(tmp_path):
-    z = np.linspace(0, 0.3, 100)
+    # A press with a row or a unit that is off is refused and confirmed
     force = 0.15 * np.maximum(z - 0.05, 0) ** 1.5 + 2e-5 * np.random.default_rng(0).normal(size=100)
     assert len(ball(tmp_path, z, force).force_N) == 100
     spoilt = force * np.where(np.arange(100) == 80, 1e-3, 1)
@@ -156,3 +143,12 @@ def test_a_press_with_a_row_or_a_unit_that_is_off_is_refused_and_confirmed(tmp_p
         ball(tmp_path, z / 1000, force)
     with pytest.raises(ConfigError, match="ball_radius_mm, found 2000"):
         ball(tmp_path, z, force, "ball_radius_mm: 2000\n")
+
+
+def ball(folder, z, force, sidecar="ball_radius_mm: 2\n"):
+    folder.mkdir(exist_ok=True)
+    (folder / "p.csv").write_text(
+        "\n".join(["depth_mm,force_N", *(f"{a:.9g},{b:.9g}" for a, b in zip(z, force))])
+    )
+    (folder / "p.yaml").write_text(sidecar)
+    return read_microindentation(folder / "p.csv")[0]

@@ -114,14 +114,13 @@ def test_covariance_scales_with_the_units_and_with_the_scatter():
     ratio = np.sqrt(np.diag(wider.covariance) / np.diag(fit.covariance))
     assert_allclose(ratio, 2, rtol=0.15)  # linear in the scatter but for the curvature of the parameters
 
-
-def test_one_sample_per_test_still_has_a_covariance():
+    # One sample per test still has a covariance
     curves = mean_curves(scattered(TRUTH["ecoflex_gel"], 3.0, 3, samples=1))
     fit = fit_law(curves, "ogden2")
     assert (np.linalg.eigvalsh(fit.covariance) > 0).all()
 
 
-def test_every_test_counts_the_same_whatever_its_stress():
+def test_every_test_counts_the_same_where_all_samples_reached():
     """Curves that contradict each other by 10 %: both are missed by the same share of their stress."""
     law, lam = Ogden((0.01,), (2.0,)), np.linspace(1.0, 2.0, 50)
     factors = {"uniaxial": 1.0, "pure_shear": 1.1}
@@ -133,8 +132,7 @@ def test_every_test_counts_the_same_whatever_its_stress():
     ]
     assert misfit[0] == pytest.approx(misfit[1], rel=0.25)  # unequal only by the shapes of the two curves
 
-
-def test_averages_use_the_stretches_that_all_samples_reached():
+    # Averages use the stretches that all samples reached
     lam = np.linspace(1, 3, 30), np.linspace(1.1, 2.5, 70)
     curves = [MaterialTest("uniaxial", str(i), l, (i + 1) * (l - 1)) for i, l in enumerate(lam)]
     mean = mean_curves(curves)[0]
@@ -142,12 +140,7 @@ def test_averages_use_the_stretches_that_all_samples_reached():
     assert_allclose(mean.nominal_stress, 1.5 * (mean.stretch - 1), rtol=1e-12)
 
 
-def test_terms_that_the_curves_do_not_determine_are_refused():
-    with pytest.raises(FitError, match=r"Ogden, K = 3: .*take fewer"):
-        fit_law(exact(Ogden((0.01,), (2.0,)), 2.0), "ogden3")
-
-
-def test_one_and_three_terms():
+def test_one_to_three_terms_if_the_curves_determine_them():
     one = fit_law(exact(Ogden((0.1,), (2.0,)), 2.0), "ogden1").law
     assert_allclose((one.mu[0], one.alpha[0]), (0.1, 2.0), rtol=1e-3)
     # at a stretch of 7.6, as far as natural rubber goes, steep start exponents ask for terms below the bounds
@@ -158,6 +151,10 @@ def test_one_and_three_terms():
     lam = np.linspace(1.05, 6, 100)
     for test in LOAD_CASES:
         assert_allclose(nominal_stress(three, test, lam), nominal_stress(treloar, test, lam), rtol=0.02)
+
+    # Terms that the curves do not determine are refused
+    with pytest.raises(FitError, match=r"Ogden, K = 3: .*take fewer"):
+        fit_law(exact(Ogden((0.01,), (2.0,)), 2.0), "ogden3")
 
 
 # ------------------------------------------------------------------------------------------------- files
@@ -179,7 +176,7 @@ def test_results_are_the_same_bytes_on_a_rerun(demo, tmp_path):
         )
 
 
-def test_curves_hold_samples_mean_and_model(demo):
+def test_curves_and_table_hold_the_fit(demo):
     curves = pd.read_csv(demo[0] / "ecoflex_gel" / "curves.csv", dtype={"sample": str})
     assert list(without_seal(curves).columns) == CURVE_COLUMNS
     assert set(curves["sample"]) == {"mean", *(f"s{k:02d}" for k in range(1, 7))}
@@ -187,6 +184,18 @@ def test_curves_hold_samples_mean_and_model(demo):
     mean = curves[curves["sample"] == "mean"]
     misfit = mean.nominal_stress_kPa - mean.model_nominal_stress_kPa
     assert misfit.abs().max() < 0.02 * mean.nominal_stress_kPa.max()
+
+    # Table holds parameters with intervals modulus and r2
+    table = material_table(list(demo[1].values()))
+    assert table["quantity"].tolist()[:8] == [
+        "mu_1", "alpha_1", "mu_2", "alpha_2", "E", "R2 equibiaxial", "R2 pure_shear", "R2 uniaxial",
+    ]  # fmt: skip
+    bounded = table[~table.quantity.str.startswith("R2")]
+    assert (bounded.low_95 < bounded.value).all()
+    assert (bounded.value < bounded.high_95).all()
+    truth = [x for name in TRUTH for x in (*_flat(TRUTH[name]), TRUTH[name].youngs_modulus * 1e3)]
+    # ten 95 % intervals of correlated quantities: at most two may miss
+    assert ((bounded.low_95 < truth) & (truth < bounded.high_95)).sum() >= 8
 
 
 def test_the_digest_follows_the_raw_files(demo, tmp_path):
@@ -212,19 +221,6 @@ def test_a_given_law_is_written_without_uncertainty(tmp_path):
     table = material_table([law])
     assert table.set_index("quantity").loc["E", "value"] == pytest.approx(370.2, abs=0.05)
     assert table[["low_95", "high_95"]].isna().all(axis=None)
-
-
-def test_table_holds_parameters_with_intervals_modulus_and_r2(demo):
-    table = material_table(list(demo[1].values()))
-    assert table["quantity"].tolist()[:8] == [
-        "mu_1", "alpha_1", "mu_2", "alpha_2", "E", "R2 equibiaxial", "R2 pure_shear", "R2 uniaxial",
-    ]  # fmt: skip
-    bounded = table[~table.quantity.str.startswith("R2")]
-    assert (bounded.low_95 < bounded.value).all()
-    assert (bounded.value < bounded.high_95).all()
-    truth = [x for name in TRUTH for x in (*_flat(TRUTH[name]), TRUTH[name].youngs_modulus * 1e3)]
-    # ten 95 % intervals of correlated quantities: at most two may miss
-    assert ((bounded.low_95 < truth) & (truth < bounded.high_95)).sum() >= 8
 
 
 def _flat(law):
@@ -272,8 +268,7 @@ def test_demo_files_are_those_of_the_virtual_lab(lab, tmp_path):
         assert made == kept
         assert all(text.startswith("# synthetic, not measured") for text in kept.values())
 
-
-def test_virtual_tests_follow_the_paper_and_their_seed(lab, tmp_path):
+    # Virtual tests follow the paper and their seed
     samples = pd.read_csv(DEMO / "ecoflex_gel" / "samples.csv", comment="#")
     sizes = samples.groupby("test")[["gauge_length_mm", "width_mm"]].first().T.to_dict("list")
     assert sizes == {"uniaxial": [40, 10], "pure_shear": [10, 60], "equibiaxial": [30, 30]}

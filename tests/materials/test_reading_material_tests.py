@@ -42,28 +42,25 @@ def material(tmp_path):
     return write
 
 
-def test_cauchy_stress_in_tension_is_force_times_stretch_over_the_undeformed_section(material):
+def test_cauchy_stress_of_each_kind_of_test(material):
     curve = read_material_tests(material())[0]
     assert (curve.test, curve.sample) == ("uniaxial", "s1")
     # 0.5 mm x 10 mm, stretch 2, F = 5 * 0.02 * (2 - 1/4) = 0.175 N: 0.175 * 2 / 5 = 0.07 MPa
     assert curve.cauchy_stress[-1] == pytest.approx(0.07, rel=1e-7)  # eight digits in the file
     assert curve.nominal_stress[-1] == pytest.approx(0.035, rel=1e-7)
 
-
-def test_cauchy_stress_of_a_membrane_is_p_r_over_twice_the_current_thickness(material):
+    # Cauchy stress of a membrane is p r over twice the current thickness
     text = "time_s,pressure_kPa,apex_radius_mm,stretch_1,stretch_2\n0,0.3,60,1.2,1.25\n9,0.5,40,1.6,1.5\n"
     samples = f"{HEADER}\neb.csv,equibiaxial,s1,,0.5\n"
     curve = read_material_tests(material(samples, eb=text))[0]
     # lam_3 = 1 / (1.6 * 1.5) = 1/2.4; sigma = 0.5e-3 * 40 * 2.4 / (2 * 0.5) = 0.048 MPa
     assert_allclose(curve.cauchy_stress, [0.3e-3 * 60 * 1.5, 0.048], rtol=1e-12)
 
-
-def test_without_a_tracked_stretch_2_the_membrane_is_equibiaxial(material):
+    # Without a tracked stretch 2 the membrane is equibiaxial
     curve = read_material_tests(material())[1]
     assert_allclose(curve.cauchy_stress, 0.02 * (curve.stretch**2 - curve.stretch**-4), rtol=1e-6)
 
-
-def test_a_ready_made_curve_needs_no_sample_size(material):
+    # A ready made curve needs no sample size
     samples = f"{HEADER}\nps.csv,pure_shear,s1,,\n"
     curve = read_material_tests(material(samples, ps="stretch_1,nominal_stress_kPa\n1,0\n1.5,24\n2,37.5\n"))[
         0
@@ -77,13 +74,12 @@ def test_semicolons_decimal_commas_and_comments(material):
     assert_allclose(read_material_tests(material(ua=text))[0].cauchy_stress, plain.cauchy_stress, rtol=1e-15)
 
 
-def test_compression_is_a_monotonic_test_too(material):
+def test_compression_and_tracking_noise_are_monotonic(material):
     lam = np.linspace(1.0, 0.6, 20)
     curve = read_material_tests(material(ua=uniaxial(lam)))[0]
     assert curve.cauchy_stress[-1] < 0
 
-
-def test_tracking_noise_is_no_reversal(material):
+    # Tracking noise is no reversal
     lam = STRETCHES.copy()
     lam[10] = lam[9] - 0.005  # half of the 1 % of the range that is let pass
     assert len(read_material_tests(material(ua=uniaxial(lam)))[0].stretch) == 21

@@ -40,28 +40,25 @@ def test_cycles_are_counted(timed):
     ]  # fmt: skip
 
 
-def test_segments_share_their_corner_and_cover_all_rows():
+def test_segments_cover_all_rows():
     found = find_segments(*reversed(STAIRS))
     assert found[0].start == 0 and found[-1].stop == len(STAIRS[0])
     assert all(a.stop == b.start + 1 for a, b in zip(found, found[1:]))
 
-
-def test_a_test_that_never_moves_is_one_hold():
+    # A test that never moves is one hold
     assert [g.kind for g in find_segments(np.full(20, 1.5), np.arange(20.0))] == ["hold"]
 
-
-def test_an_encoder_that_sticks_and_jumps_is_no_hold_and_no_reversal():
-    time, s = path((0, 1), (10, 2), (12, 2), (20, 1))
-    s[30:34] = s[33] + 0.02  # 0.4 s ahead, then back by 2 % of the range
-    assert [g.kind for g in find_segments(s, time)] == ["load", "hold", "unload"]
-
-
-def test_shear_starts_at_zero():
+    # Shear starts at zero
     time, s = path((0, 0), (10, 5), (20, 0))
     assert [g.kind for g in find_segments(s, time, at_rest=0.0)] == ["load", "unload"]
 
 
-def test_first_reversal_is_beyond_the_tolerance_only():
+def test_noise_is_no_reversal():
+    time, s = path((0, 1), (10, 2), (12, 2), (20, 1))
+    s[30:34] = s[33] + 0.02  # 0.4 s ahead, then back by 2 % of the range
+    assert [g.kind for g in find_segments(s, time)] == ["load", "hold", "unload"]
+
+    # First reversal is beyond the tolerance only
     lam = np.linspace(1, 2, 101)
     assert first_reversal(lam) is None and first_reversal(lam[::-1]) is None
     noisy = lam.copy()

@@ -239,12 +239,28 @@ def findings_of(folder, source, sample=None):
     return " | ".join(tests[0].findings)
 
 
-def test_the_rate_in_the_name_that_the_columns_contradict_is_said():
+def test_what_is_odd_about_a_file_is_said():
     text = findings_of("oca_vhb_viscoelastic", "monotonic_shear_0d1.csv")
     assert "rate 0.1 1/s is in the file's name, but the columns give 1.997 1/s" in text
     assert "not at one rate" in text
     honest = findings_of("oca_vhb_viscoelastic", "monotonic_shear_0d05.csv")
     assert "in the file's name" not in honest
+
+    # Toe late start and broken clock of the crosshead files are said
+    text = findings_of("soro_materials_db", "Dragon Skin 20.csv")
+    assert "first row is at 1.0446" in text and "extrapolates to zero at a strain of 0.0194" in text
+    assert "time set aside" in findings_of("soro_materials_db", "Ecoflex 00-30.csv")
+    assert "True Stress (MPa) gives 0.0009446 where -0.00094" in findings_of(
+        "soro_materials_db", "Ecoflex 00-50.csv"
+    )
+
+    # A force zero that drifted is said
+    assert "of the other sign are left after the unloading" in findings_of(
+        "nist_foam_ageing", "VN01_1DA_stress_relaxation_30C.csv"
+    )
+
+    # Coarse clock of the load cells is said
+    assert "repeat the time stamp" in " ".join(all_in("two_loadcells")[0].findings)
 
 
 def test_columns_are_found_by_name_though_their_order_differs():
@@ -253,15 +269,6 @@ def test_columns_are_found_by_name_though_their_order_differs():
         if test.source.startswith("monotonic"):
             moduli[test.source] = test.nominal_stress[-1] / test.stretch[-1] * 1e3
     assert all(5 < modulus < 60 for modulus in moduli.values())  # [kPa]; a wrong column is off by 10 or 100
-
-
-def test_toe_late_start_and_broken_clock_of_the_crosshead_files_are_said():
-    text = findings_of("soro_materials_db", "Dragon Skin 20.csv")
-    assert "first row is at 1.0446" in text and "extrapolates to zero at a strain of 0.0194" in text
-    assert "time set aside" in findings_of("soro_materials_db", "Ecoflex 00-30.csv")
-    assert "True Stress (MPa) gives 0.0009446 where -0.00094" in findings_of(
-        "soro_materials_db", "Ecoflex 00-50.csv"
-    )
 
 
 def test_a_toe_is_removed_only_when_asked():
@@ -274,17 +281,7 @@ def test_a_toe_is_removed_only_when_asked():
     assert "corrected: origin moved by 0.0194" in " ".join(moved.findings)
 
 
-def test_a_force_zero_that_drifted_is_said():
-    assert "of the other sign are left after the unloading" in findings_of(
-        "nist_foam_ageing", "VN01_1DA_stress_relaxation_30C.csv"
-    )
-
-
-def test_coarse_clock_of_the_load_cells_is_said():
-    assert "repeat the time stamp" in " ".join(all_in("two_loadcells")[0].findings)
-
-
-def test_strain_that_restarts_per_segment_is_replaced_by_the_gap():
+def test_foam_is_held_at_its_gap_and_relaxes_by_half_or_more():
     foam = by_sample("nist_foam_ageing")["0DA"]
     assert foam.stretch.min() == pytest.approx(
         7.33965 / 8.10464, abs=1e-3
@@ -292,16 +289,24 @@ def test_strain_that_restarts_per_segment_is_replaced_by_the_gap():
     assert [s.kind for s in foam.segments] == ["load", "hold", "unload"]
     assert foam.time_s[-1] == pytest.approx(7.83017 + 1599.5 + 7.83028)  # three clocks in a row
 
+    # Foam relaxes by half or more and prony describes it
+    foam = by_sample("nist_foam_ageing")
+    fits = {name: relaxation_of(test) for name, test in foam.items()}
+    for name, fit in fits.items():
+        P = -foam[name].nominal_stress[foam[name].segments[1].rows]
+        assert fit.drop == pytest.approx(1 - P[-20:].mean() / P[1], abs=0.03)  # first row after the ramp
+        assert fit.prony_rms < 0.01 and fit.better == "Prony series"
+    assert fits["1DA"].drop_at(1000) > fits["0DA"].drop_at(1000) + 0.1  # the dose lets it relax further
 
-def test_jones_difference_of_cauchy_stresses_vanishes_where_both_stretches_meet():
+
+def test_biaxial_stresses_of_the_literature_meet_on_one_grid():
     for name, lam_2 in [("BT_lambda_1d502", 1.502), ("BT_lambda_2d295", 2.295)]:
         test = next(t for t in all_in("hyper_literature") if t.sample == name)
         assert np.isnan(test.nominal_stress).all()
         at_equal = np.interp(lam_2, test.stretch, test.cauchy_difference)
         assert abs(at_equal) < 0.04  # MPa of up to 3: the digitised points scatter by about 1 %
 
-
-def test_katashima_second_stress_is_brought_to_the_first_grid():
+    # Katashima second stress is brought to the first grid
     test = next(t for t in all_in("hyper_literature") if t.material == "Katashima_2012" and t.sample == "BT")
     i = 11  # stretch 1.7955; rows of P22: 10.789447 at 1.720839, 11.516160 at 1.796855
     expected = 10.789447 + (1.795544 - 1.720839) / (1.796855 - 1.720839) * (11.516160 - 10.789447)
@@ -310,7 +315,7 @@ def test_katashima_second_stress_is_brought_to_the_first_grid():
 
 
 # --------------------------------------------------------------------------------------------- known answers
-def test_vhb_stress_at_stretch_4_and_hysteresis():
+def test_vhb_stress_hysteresis_and_rate_dependence():
     vhb = by_sample("vhb_20C")
     # the curve to 3.97 ends before 4; the README's values are of its last point
     for sample, stress in [("116", 118), ("117", 107), ("118", 95)]:
@@ -320,9 +325,7 @@ def test_vhb_stress_at_stretch_4_and_hysteresis():
     shares = [loops(vhb[s])[0].lost_share for s in ("116", "117", "118", "126", "127")]
     assert 0.35 < min(shares) and max(shares) < 0.43  # 0.36 to 0.42 in the README
 
-
-def test_vhb_rate_dependence_is_significant_with_the_scatter_of_repeats():
-    vhb = by_sample("vhb_20C")
+    # Vhb rate dependence is significant with the scatter of repeats
     scatter = scatter_between([[vhb[s] for s in ("116", "126", "127")]])
     effect = effect_of(RATE, [vhb[s] for s in ("116", "117", "118")], scatter)
     assert effect.verdict == "significant stiffening"
@@ -336,16 +339,6 @@ def test_nitrile_hysteresis_and_holds():
     assert loops(nitrile)[0].lost_share == pytest.approx(0.31, abs=0.01)
     assert [s.kind for s in nitrile.segments].count("hold") == 14
     assert 0.03 < relaxation_of(nitrile, 0).drop < 0.06
-
-
-def test_foam_relaxes_by_half_or_more_and_prony_describes_it():
-    foam = by_sample("nist_foam_ageing")
-    fits = {name: relaxation_of(test) for name, test in foam.items()}
-    for name, fit in fits.items():
-        P = -foam[name].nominal_stress[foam[name].segments[1].rows]
-        assert fit.drop == pytest.approx(1 - P[-20:].mean() / P[1], abs=0.03)  # first row after the ramp
-        assert fit.prony_rms < 0.01 and fit.better == "Prony series"
-    assert fits["1DA"].drop_at(1000) > fits["0DA"].drop_at(1000) + 0.1  # the dose lets it relax further
 
 
 def test_gain_mismatch_of_the_load_cells_depends_on_the_place():

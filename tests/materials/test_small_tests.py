@@ -69,8 +69,7 @@ def test_gain_mismatch_with_offsets_and_noise():
     assert gain.value == pytest.approx(-0.024, abs=0.003)  # noise of 0.2 % of the force over 38 rows
     assert gain.interval[0] < -0.024 < gain.interval[1] and gain.count == 5
 
-
-def test_an_offset_that_comes_with_the_load_is_no_gain():
+    # An offset that comes with the load is no gain
     pair = presses([0.976] * 5, offsets=[0.5, -0.4, 0.1, 0.6, -0.6])
     gain = gain_mismatch(pair)
     assert gain.value == pytest.approx(-0.024, abs=0.003)  # noise of 0.2 % of the force over 38 rows
@@ -93,8 +92,7 @@ def test_a_gain_that_depends_on_the_place_is_said_to():
     few = small_effects(SmallTests(force_pairs=(presses([1.0, 1.0]),)))
     assert not few[0] and "2 places; 3 independent" in dict(few[1])["load_cell_gain"]
 
-
-def test_presses_at_one_place_count_once():
+    # Presses at one place count once
     gains = [0.9, 0.9, 0.9, 1.0, 1.0, 1.0, 1.1, 1.1, 1.1]
     assert gain_mismatch(presses(gains)).count == 9
     apart = gain_mismatch(presses(gains, list("aaabbbccc")))
@@ -154,15 +152,14 @@ def test_the_machines_give_is_taken_off():
     assert fit_modulus(bent, 4.0, machine=board).youngs_modulus == pytest.approx(E, rel=0.02)
 
 
-def test_contact_search_refuses_a_press_without_contact_or_radius():
+def test_contact_search_and_layer_factor_at_their_limits():
     z = np.linspace(0, 1, 100)
     with pytest.raises(ValueError, match="no contact point"):
         contact_point(z, -z, RADIUS)
     with pytest.raises(ValueError, match="radius is not known"):
         fit_modulus(IndentationTest("s", z, z))
 
-
-def test_layer_factor_tends_to_one_for_a_thick_layer():
+    # Layer factor tends to one for a thick layer
     assert layer_factor(0.1, RADIUS, 1e6) == pytest.approx(1, abs=1e-6)
     assert layer_factor(0.1, RADIUS, None) == 1
 

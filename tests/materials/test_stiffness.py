@@ -51,8 +51,7 @@ def test_abaqus_energy_is_that_of_its_manual():
     assert_allclose(given.principal_energy(lam) * 1e3, U, rtol=1e-13)
     assert given.shear_modulus * 1e3 == pytest.approx(mu.sum())
 
-
-def test_abaqus_and_converted_parameters_press_alike():
+    # Abaqus and converted parameters press alike
     laws = [
         law(mu_kPa=[40.0], alpha=[6.0], convention="abaqus").law,
         law(mu_kPa=[40.0 / 3], alpha=[6.0]).law,
@@ -127,8 +126,7 @@ def test_check_prints_moduli_and_asks(tmp_path, monkeypatch, capsys):
     assert "stiff: NeoHooke, initial shear modulus 6700 kPa, Young's modulus 20100 kPa" in printed
     assert "soft: Ogden, initial shear modulus 5.637 kPa, Young's modulus 16.91 kPa" in printed
 
-
-def test_yeoh_that_softens_is_accepted_as_far_as_it_is_stable(tmp_path, monkeypatch, capsys):
+    # Yeoh that softens is accepted as far as it is stable
     monkeypatch.chdir(tmp_path)
     mild, steep = ({"law": "yeoh", "C10_kPa": 60.0, "C20_kPa": 0.5, "C30_kPa": c} for c in (-0.3, -400.0))
     assert main(["check", study_file(tmp_path / "s.yaml", {"parameters": mild})]) == 0

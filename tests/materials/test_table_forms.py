@@ -165,8 +165,7 @@ def test_specimens_with_their_columns_in_another_order(tmp_path):
     assert_right(one_way)
     assert_right(other_way, 1.2)
 
-
-def test_a_summary_that_names_the_columns_is_no_specimen(tmp_path):
+    # A summary that names the columns is no specimen
     with pytest.raises(TableError, match="both name the columns"):
         one(tmp_path, "Report\nTime,Weg,Kraft\n\n" + table(rows(), quote=""))
 
@@ -201,15 +200,14 @@ def test_curves_side_by_side_are_all_read(tmp_path, lengths):
         np.testing.assert_allclose(found[kind].nominal_stress, 0.05 * curve[:length], atol=1e-6)
 
 
-def test_two_curves_of_one_kind_are_two_samples(tmp_path):
+def test_two_curves_of_one_kind_are_two_samples_without_holes(tmp_path):
     entries = [
         {**SIDES[0], "files": ["d.csv"]},
         {**SIDES[1], "kind": "uniaxial", "plausible_shear_modulus_kPa": [20, 100]},
     ]
     assert len({test.sample for test in read_all(tmp_path, entries, d=beside())}) == 2
 
-
-def test_a_hole_in_one_curve_is_refused(tmp_path):
+    # A hole in one curve is refused
     lines = beside().splitlines()
     cells = lines[20].split(",")
     lines[20] = ",".join([cells[0], "", *cells[2:]])
@@ -228,7 +226,7 @@ def test_an_entry_that_reads_no_file_is_an_error_unless_optional(tmp_path, patte
     assert len(read_all(tmp_path, entries, d=beside())) == 3
 
 
-def test_a_file_that_an_entry_names_is_there_and_an_ignored_folder_is_no_test(tmp_path):
+def test_an_entry_reads_the_files_that_it_names_and_are_left(tmp_path):
     entry = {"files": ["d.csv", "e.csv"], "kind": "uniaxial", **COLUMNS}
     with pytest.raises(
         TableError, match=r"entry 1 of the mapping \(uniaxial, files \['e\.csv'\]\) reads no file"
@@ -240,8 +238,7 @@ def test_a_file_that_an_entry_names_is_there_and_an_ignored_folder_is_no_test(tm
     with pytest.raises(TableError, match=r"none of its 2 files is read as a test; `ignore` is \['\*'\]"):
         read_sources([tmp_path], tmp_path / "mapping.yaml")
 
-
-def test_a_later_pattern_that_fits_too_reads_only_what_is_left(tmp_path):
+    # A later pattern that fits too reads only what is left
     entries = [*SIDES, {"files": ["*.csv"], "kind": "uniaxial", **COLUMNS}]
     found = read_all(tmp_path, entries, d=beside(), other=table(rows()))
     assert sorted(test.source for test in found) == ["d.csv"] * 3 + ["other.csv"]

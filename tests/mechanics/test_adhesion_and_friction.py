@@ -36,7 +36,7 @@ def heights(press, *gaps):
     return list(press.follow(start, start.centre + np.outer(gaps, [0.0, 0.0, 1.0])))
 
 
-def test_a_flat_punch_is_drawn_by_the_cohesive_law_itself():
+def test_punch_and_ball_are_drawn_by_the_cohesive_law():
     """All of the rigid face is at one gap: F = 2 w / range (1 - gap / range) A, A the area of the nodes under it."""
     press = adhesive_press(Cylinder(2.6, 4.0, 0.5), adhesion_approach=WORK)
     flat = np.hypot(*(press.body.mesh.X[press.surface, :2] - 5.0).T) < 2.1 - 1e-9
@@ -47,9 +47,7 @@ def test_a_flat_punch_is_drawn_by_the_cohesive_law_itself():
         )  # the body is not quite rigid
         assert (state.normal_force[:, 2] >= 0).all()  # upwards: it draws
 
-
-def test_a_ball_is_drawn_by_two_pi_R_w():
-    """Bradley 1932: rigid ball and plane in touch, the range small against R: F = 2 pi R w."""
+    # Bradley 1932: rigid ball and plane in touch, the range small against R: F = 2 pi R w.
     press = adhesive_press(Sphere(5.0), near=0.25, adhesion_approach=WORK)
     (state,) = heights(press, 1e-4)
     assert state.force[2] == pytest.approx(2 * np.pi * 5.0 * WORK, rel=0.03)  # 6 elements across the range

@@ -63,14 +63,13 @@ def test_forces_equal_the_twin(mu):
         assert_allclose(found[name], expected, rtol=1e-12, atol=1e-15, err_msg=name)
 
 
-def test_the_sample_holds_every_state():
+def test_states_limits_and_stiffness_of_the_sample():
     state = forces()["state"]
     for kind in (STICK, SLIP):
         assert (state == kind).sum() > 10
     assert (state[~ACTIVE] == OPEN).all()
 
-
-def test_wanted_friction_is_tangential_and_below_its_limit():
+    # Wanted friction is tangential and below its limit
     found = forces()
     _, normal, _ = BALL.gap(POINTS, CENTRE)
     limit = MU * AREA * PRESSURE * ACTIVE
@@ -80,6 +79,11 @@ def test_wanted_friction_is_tangential_and_below_its_limit():
     slips = (found["state"] == SLIP) & (PRESSURE > 0)
     assert_allclose(size[slips], limit[slips], rtol=1e-13)
     assert (size[found["state"] == STICK] < limit[found["state"] == STICK]).all()
+
+    # Symmetric stiffness is symmetric and positive
+    stiffness = forces()["stiffness"]
+    assert_allclose(stiffness, np.swapaxes(stiffness, 1, 2), atol=1e-15)
+    assert np.linalg.eigvalsh(stiffness).min() > -1e-14
 
 
 @pytest.mark.parametrize("weight", [0.3, 3.0, 300.0])
@@ -96,12 +100,6 @@ def test_what_solves_the_law_is_coulomb_s_whatever_the_weight(weight):
         assert (error < 1e-12).all() if solves else (error > 1e-3).all()
         if solves:
             assert (found["state"][on] == SLIP).all()
-
-
-def test_symmetric_stiffness_is_symmetric_and_positive():
-    stiffness = forces()["stiffness"]
-    assert_allclose(stiffness, np.swapaxes(stiffness, 1, 2), atol=1e-15)
-    assert np.linalg.eigvalsh(stiffness).min() > -1e-14
 
 
 def test_consistent_stiffness_is_the_derivative_of_what_sticks():

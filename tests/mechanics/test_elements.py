@@ -43,34 +43,39 @@ def mesh(request):
 
 
 @kinds
-def test_shape_functions_are_one_at_their_node_and_zero_at_the_others(A):
+def test_shape_functions_and_slopes_equal_the_twin_and_add_to_one(A):
     assert_allclose(ELEMENTS[A].shape(ELEMENTS[A].nodes), np.eye(A), atol=1e-15)
 
-
-@kinds
-def test_shape_functions_and_slopes_equal_the_twin(A):
+    # Shape functions and slopes equal the twin
     basis = twins.BASES[A]
     atol = 1e-14  # rounding of the twin's inverted matrix of monomials
     assert_allclose(ELEMENTS[A].shape(INSIDE[A]), [basis.shape(xi) for xi in INSIDE[A]], atol=atol)
     slopes = [basis.slopes(xi) for xi in INSIDE[A]]
     assert_allclose(ELEMENTS[A].natural_gradient(INSIDE[A]), slopes, atol=10 * atol)
 
-
-@kinds
-def test_partition_of_unity(A):
+    # Partition of unity
     assert_allclose(ELEMENTS[A].shape(INSIDE[A]).sum(axis=-1), 1, rtol=1e-14)
     assert_allclose(ELEMENTS[A].natural_gradient(INSIDE[A]).sum(axis=-2), 0, atol=1e-14)
 
 
 @kinds
-def test_quadrature_is_exact_to_its_degree(A):
+def test_quadrature_is_exact_and_measures_the_volume(A):
     kind = ELEMENTS[A]
     for exponents in EXACT[A]:
         found = kind.weights @ np.prod(kind.points ** np.array(exponents), axis=1)
         assert found == pytest.approx(exact_integral(A, exponents), abs=1e-15), exponents
 
+    # The points integrate det(dX/dxi), at most quadratic in each direction (or constant), exactly
+    # on any mesh.
+    inner = specimens.distorted(BLOCKS[A](3, 2.0), 0.2, rng)
+    _, weight = element_gradient(inner.X, inner.elements)
+    assert_allclose(weight.sum(), 8.0, rtol=1e-14)
+    affine = inner.X @ np.array([[1.2, 0.3, 0], [0, 0.9, -0.2], [0.1, 0, 1.1]]).T
+    _, weight = element_gradient(affine, inner.elements)
+    assert_allclose(weight.sum(), ConvexHull(affine).volume, rtol=1e-12)
 
-def test_gradients_and_weights_equal_the_twin(mesh):
+
+def test_gradients_equal_the_twin_and_reproduce_linear_fields(mesh):
     gradient, weight = element_gradient(mesh.X, mesh.elements)
     A = mesh.elements.shape[1]
     points, twin = ELEMENTS[A].points, twins.BASES[A].points
@@ -81,8 +86,7 @@ def test_gradients_and_weights_equal_the_twin(mesh):
         assert_allclose(gradient[e], G[order], rtol=1e-11, atol=1e-11)
         assert_allclose(weight[e], w[order], rtol=1e-11)
 
-
-def test_linear_fields_are_reproduced_on_a_distorted_mesh(mesh):
+    # Linear fields are reproduced on a distorted mesh
     slope, constant = rng.normal(size=(3, 3)), rng.normal(size=3)
     gradient, _ = element_gradient(mesh.X, mesh.elements)
     field = mesh.X @ slope.T + constant
@@ -103,17 +107,6 @@ def test_the_straight_tetrahedron_reproduces_quadratic_fields():
 
 
 @kinds
-def test_quadrature_measures_the_volume(A):
-    """The points integrate det(dX/dxi), at most quadratic in each direction (or constant), exactly on any mesh."""
-    inner = specimens.distorted(BLOCKS[A](3, 2.0), 0.2, rng)
-    _, weight = element_gradient(inner.X, inner.elements)
-    assert_allclose(weight.sum(), 8.0, rtol=1e-14)
-    affine = inner.X @ np.array([[1.2, 0.3, 0], [0, 0.9, -0.2], [0.1, 0, 1.1]]).T
-    _, weight = element_gradient(affine, inner.elements)
-    assert_allclose(weight.sum(), ConvexHull(affine).volume, rtol=1e-12)
-
-
-@kinds
 def test_an_inverted_element_is_refused_by_number(A):
     mesh = BLOCKS[A](2)
     mirrored = mesh.X.copy()
@@ -122,7 +115,7 @@ def test_an_inverted_element_is_refused_by_number(A):
         element_gradient(mirrored, mesh.elements[5:6])
 
 
-def test_quadratic_tetrahedra_share_their_edge_middles():
+def test_nodes_and_faces_are_numbered_outwards_and_shared():
     linear = BLOCKS[10](2)
     corners, N = linear.elements[:, :4], int(linear.elements[:, :4].max()) + 1
     X, elements = quadratic_tetrahedra(linear.X[:N], corners)
@@ -134,8 +127,7 @@ def test_quadratic_tetrahedra_share_their_edge_middles():
     T, sides = len(corners), round((len(corners) / 6) ** (1 / 3))
     assert N - (len(X) - N) + (4 * T + 12 * sides**2) / 2 - T == 1
 
-
-def test_faces_of_a_tetrahedron_look_outwards():
+    # Faces of a tetrahedron look outwards
     X = ELEMENTS[10].nodes
     for face in TET10_FACES:
         corner = X[face[:3]]
@@ -143,8 +135,13 @@ def test_faces_of_a_tetrahedron_look_outwards():
         assert normal @ (corner[0] - X[:4].mean(axis=0)) > 0
         assert_allclose(X[face[3:]], (corner + np.roll(corner, -1, axis=0)) / 2, atol=1e-15)
 
+    # Bottom face counter-clockwise, then the top face above it.
+    assert np.array_equal(HEX8_CORNERS[:4, :2], HEX8_CORNERS[4:, :2])
+    assert (HEX8_CORNERS[:4, 2] == -1).all()
+    assert (HEX8_CORNERS[4:, 2] == 1).all()
 
-def test_lumped_areas_carry_linear_tractions():
+
+def test_lumped_areas_carry_linear_tractions_and_converge():
     """All shares positive; on a flat face they integrate a linear field, whatever the triangle."""
     for triangle in rng.normal(size=(5, 3, 3)):
         X = np.concatenate([triangle, (triangle + np.roll(triangle, -1, axis=0)) / 2])
@@ -154,9 +151,7 @@ def test_lumped_areas_carry_linear_tractions():
         assert area.sum() == pytest.approx(size, rel=1e-13)
         assert_allclose(area @ X, size * triangle.mean(axis=0), rtol=1e-12)
 
-
-def test_lumped_area_of_a_curved_surface_converges():
-    """A cap of a sphere with its middles on it: four flat triangles per face err by O(h^2)."""
+    # A cap of a sphere with its middles on it: four flat triangles per face err by O(h^2).
     errors = []
     for n in (4, 8, 16):
         r, t = np.meshgrid(
@@ -170,10 +165,3 @@ def test_lumped_area_of_a_curved_surface_converges():
         area = lumped_area(X, np.concatenate(faces)).sum()
         errors.append(abs(area - np.pi / 2 * (np.cos(0.3) - np.cos(1))))
     assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 2, atol=0.1)
-
-
-def test_hexahedra_are_numbered_as_meshio_does():
-    """Bottom face counter-clockwise, then the top face above it."""
-    assert np.array_equal(HEX8_CORNERS[:4, :2], HEX8_CORNERS[4:, :2])
-    assert (HEX8_CORNERS[:4, 2] == -1).all()
-    assert (HEX8_CORNERS[4:, 2] == 1).all()

@@ -23,7 +23,7 @@ def mean_distance(indenter, corners):
     return -np.einsum("p,q,pq->", weights, weights, gap) / 4
 
 
-def test_it_is_the_mean_distance_of_a_face_inside_a_ball():
+def test_it_is_the_mean_distance_of_a_face_inside_the_indenter():
     R, h = 20.0, 0.3
     along = np.array([-h / 2, h / 2])
     x, y = np.meshgrid(along, along, indexing="ij")
@@ -33,8 +33,7 @@ def test_it_is_the_mean_distance_of_a_face_inside_a_ball():
     assert_allclose(found, mean_distance(Sphere(R), corners), rtol=0.01)  # of h over R squared
     assert_allclose(facet_gap(turn, np.array([h**2 / 4]))[0], found / 4, rtol=0.01)
 
-
-def test_a_flat_face_has_none_and_a_sharp_bend_little():
+    # A flat face has none and a sharp bend little
     punch, centre, area = Box((4.0, 5.0, 8.0), 0.5), np.zeros(3), np.full(1, 0.09)
     below = punch.start(0.0, 0.0) * [1, 1, -1]  # the middle of its lower face
     assert facet_gap(punch.gap(below[None], centre)[2], area)[0] == 0.0
@@ -42,8 +41,7 @@ def test_a_flat_face_has_none_and_a_sharp_bend_little():
         turn = np.eye(3)[None] / radius
         assert facet_gap(turn, area)[0] < 0.3 / 20  # a small part of the face's own size, however sharp
 
-
-def test_the_side_of_a_cylinder_has_half_of_a_balls():
+    # The side of a cylinder has half of a balls
     area = np.full(1, 0.01)
     ball = facet_gap(Sphere(3.0).gap(np.array([[0.0, 0.0, -3.0]]), np.zeros(3))[2], area)
     side = Cylinder(radius=3.0, length=8.0, edge=0.5).gap(np.array([[3.0, 0.0, 4.0]]), np.zeros(3))[2]

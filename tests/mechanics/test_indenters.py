@@ -100,7 +100,7 @@ def test_start_touches_the_undeformed_top_from_above(indenter):
     assert gap.min() > -1e-12
 
 
-def test_normal_is_a_unit_vector_and_turns_along_the_surface_only(indenter, rng):
+def test_normals_are_unit_vectors_with_their_foot_on_the_surface(indenter, rng):
     points = cloud(indenter, rng)
     _, normal, turn = indenter.gap(points, CENTRE)
     assert_allclose(np.linalg.norm(normal, axis=1), 1, rtol=1e-13)
@@ -108,8 +108,18 @@ def test_normal_is_a_unit_vector_and_turns_along_the_surface_only(indenter, rng)
     assert (np.abs(np.einsum("nij,nj->ni", turn, normal)).max(axis=1) < 1e-11 * scale).all()
     assert (np.abs(turn - turn.transpose(0, 2, 1)).max(axis=(1, 2)) < 1e-11 * scale).all()
 
+    # The foot lies on the surface and the outline too
+    gap, normal, _ = indenter.gap(points, CENTRE)
+    assert (gap > 0).sum() > 10
+    assert (gap < 0).sum() > 10
+    # Inside its rounding a surface's foot is that of its core: the same on faces, not at concave edges and corners.
+    shape = getattr(indenter, "shape", indenter)
+    kept = (gap > 0) | (not isinstance(shape, ClosedSurface)) | (getattr(shape, "edge", 1.0) == 0)
+    assert_allclose(indenter.gap(points - gap[:, None] * normal, CENTRE)[0][kept], 0, atol=1e-12)
+    assert np.abs(indenter.distance(indenter.outline)[0]).max() < 1e-12
 
-def test_normal_is_the_gradient_of_the_gap(indenter, rng):
+
+def test_normal_and_turn_are_gradients(indenter, rng):
     points, direction = cloud(indenter, rng), rng.normal(size=(60, 3))
     points, direction = (a[smooth(indenter, points, 1e-3)] for a in (points, direction))
     assert len(points) > 30
@@ -119,25 +129,12 @@ def test_normal_is_the_gradient_of_the_gap(indenter, rng):
         rates
     )  # second order, unless all faces are flat
 
-
-def test_turn_is_the_gradient_of_the_normal(indenter, rng):
+    # Turn is the gradient of the normal
     points, direction = cloud(indenter, rng), rng.normal(size=(60, 3))
     points, direction = (a[smooth(indenter, points, 1e-3)] for a in (points, direction))
     slope = np.einsum("nij,nj->ni", indenter.gap(points, CENTRE)[2], direction)
     rates, largest = halving_rates(lambda h: indenter.gap(points + h * direction, CENTRE)[1], slope)
     assert largest < 1e-12 or (np.abs(rates - 2) < 0.1).all(), rates
-
-
-def test_the_foot_lies_on_the_surface_and_the_outline_too(indenter, rng):
-    points = cloud(indenter, rng)
-    gap, normal, _ = indenter.gap(points, CENTRE)
-    assert (gap > 0).sum() > 10
-    assert (gap < 0).sum() > 10
-    # Inside its rounding a surface's foot is that of its core: the same on faces, not at concave edges and corners.
-    shape = getattr(indenter, "shape", indenter)
-    kept = (gap > 0) | (not isinstance(shape, ClosedSurface)) | (getattr(shape, "edge", 1.0) == 0)
-    assert_allclose(indenter.gap(points - gap[:, None] * normal, CENTRE)[0][kept], 0, atol=1e-12)
-    assert np.abs(indenter.distance(indenter.outline)[0]).max() < 1e-12
 
 
 # What an inset changes: concave edges keep a triangle's width of gap, a ball's facets are rounded about their corners.
@@ -206,7 +203,7 @@ def test_a_surfaces_gap_is_the_distance_to_all_its_triangles(solid, rng):
     assert np.median(nearest - np.abs(gap)) < 0.05 * spacing
 
 
-def test_a_surface_of_a_block_is_the_box(rng):
+def test_surfaces_of_a_block_and_of_a_ball_are_the_box_and_the_ball(rng):
     """Faces moved in and widened again: the same body as the box with rounded edges, inside and out."""
     box, surface = Box((6.0, 3.0, 4.0), 0.4), closed_surface(*solids.block(6.0, 3.0, 4.0), edge=0.4)
     points = rng.uniform([-4, -3, -1], [4, 3, 5], (500, 3))
@@ -221,16 +218,8 @@ def test_a_surface_of_a_block_is_the_box(rng):
             surface.footprint(depth)[0], box.footprint(depth)[0], atol=0.1
         )  # outlines 0.1 mm apart
 
-
-def smooth_inside(box, points):
-    """Return which points are not within 1e-3 mm of a change between faces, edges and corners of the box."""
-    q = np.abs(points - box._middle) - box._core
-    two = np.sort(q, axis=1)
-    return (np.abs(q) > 1e-3).all(axis=1) & ((two[:, 2] > 0) | (two[:, 2] - two[:, 1] > 1e-3))
-
-
-def test_a_surface_of_a_ball_tends_to_the_ball():
-    """Chords of triangles cut the ball by R (1 - cos(half an angle)): halving the angle quarters the error."""
+    # Chords of triangles cut the ball by R (1 - cos(half an angle)): halving the angle quarters the
+    # error.
     points = np.random.default_rng(5).uniform(-4, 4, (200, 3))
     exact = Sphere(3.0).distance(points)[0]
     errors = [
@@ -238,6 +227,13 @@ def test_a_surface_of_a_ball_tends_to_the_ball():
         for n in (8, 16, 32)
     ]
     assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 2, atol=0.25)
+
+
+def smooth_inside(box, points):
+    """Return which points are not within 1e-3 mm of a change between faces, edges and corners of the box."""
+    q = np.abs(points - box._middle) - box._core
+    two = np.sort(q, axis=1)
+    return (np.abs(q) > 1e-3).all(axis=1) & ((two[:, 2] > 0) | (two[:, 2] - two[:, 1] > 1e-3))
 
 
 def test_rigid_motion_carries_gap_normal_and_turn_along(indenter, rng):
@@ -303,28 +299,24 @@ def test_vertical_gap_measures_straight_up_to_the_ball(rng):
 
 
 # ------------------------------------------------------------------------------------------- surfaces refused
-def test_an_open_surface_is_refused_with_the_number_of_its_open_edges():
+def test_surfaces_that_cannot_be_are_refused_or_put_right():
     vertices, triangles = solids.block(2.0, 2.0, 2.0)
     with pytest.raises(SurfaceError, match=r"not closed: 3 open edges.*close the holes"):
         closed_surface(vertices, triangles[1:])
 
-
-def test_a_surface_whose_triangles_disagree_is_refused():
-    vertices, triangles = solids.block(2.0, 2.0, 2.0)
+    # A surface whose triangles disagree is refused
     triangles[0] = triangles[0, ::-1]
     with pytest.raises(SurfaceError, match=r"opposite ways at 3 edges"):
         closed_surface(vertices, triangles)
 
-
-def test_a_surface_inside_out_and_with_doubled_corners_is_put_right():
+    # A surface inside out and with doubled corners is put right
     vertices, triangles = solids.block(2.0, 2.0, 2.0)
     soup = vertices[triangles[:, ::-1]].reshape(-1, 3)  # as an STL file holds it
     body = closed_surface(soup, np.arange(len(soup)).reshape(-1, 3))
     assert len(body.vertices) == 8
     assert body.distance(np.array([[0.0, 0.0, 0.7], [0.0, 0.0, 3.0]]))[0] == pytest.approx([-0.7, 1.0])
 
-
-def test_an_edge_rounder_than_the_body_is_thick_is_refused():
+    # An edge rounder than the body is thick is refused
     with pytest.raises(
         SurfaceError, match=r"triangles turn over when edges are rounded by 0.6 mm.*smaller edge_radius_mm"
     ):

@@ -132,7 +132,7 @@ def test_kernel_equals_its_twin(mesh, law, state):
 
 
 @elements
-def test_a_factor_on_the_stiffness_is_a_stiffer_law(mesh):
+def test_factors_on_the_stiffness_and_pressures_act_as_they_are(mesh):
     """The element with factor 2.5 is the one whose moduli are all 2.5 times larger, its bulk modulus too."""
     u, p = displacement(mesh, "random"), -2e-3
     scaled = Ogden([2.5 * m for m in specimens.GEL.mu], specimens.GEL.alpha)
@@ -144,16 +144,21 @@ def test_a_factor_on_the_stiffness_is_a_stiffer_law(mesh):
         assert_allclose(a, b, rtol=1e-13, atol=1e-15 * size)  # the order of two products
     assert_allclose(tangent, expected, rtol=1e-12, atol=1e-14 * size)
 
-
-@elements
-def test_factor_one_changes_no_bit(mesh):
-    u, p = displacement(mesh, "random"), -2e-3
+    # Factor one changes no bit
     (one, tangent), (other, expected) = (
         kernel(mesh, specimens.GEL, u, p, stiffness=factor) for factor in (None, np.ones(1))
     )
     assert np.array_equal(tangent, expected)
     for name in ("f_mixed", "f_condensed", "p_volume", "coupling", "energy"):
         assert np.array_equal(getattr(one, name), getattr(other, name))
+
+    # F_mixed follows the given pressure, f_condensed does not: what makes the iteration a mixed
+    # one.
+    u = displacement(mesh, "random")
+    (one, _), (other, _) = kernel(mesh, specimens.GEL, u, 0.0), kernel(mesh, specimens.GEL, u, 0.02)
+    by_number = one.coupling[0][np.argsort(mesh.elements[0])]
+    assert_allclose(other.f_mixed - one.f_mixed, 0.02 * by_number, atol=1e-15)
+    assert np.array_equal(one.f_condensed, other.f_condensed)
 
 
 @pytest.mark.parametrize(
@@ -180,16 +185,6 @@ def test_beyond_a_limiting_extension_numbers_stay_finite_and_are_not_admissible(
         assert response.admissible == inside
         for values in (response.f_mixed, response.f_condensed, response.energy, tangent):
             assert np.isfinite(values).all()
-
-
-@elements
-def test_pressure_of_each_node_force_is_its_own(mesh):
-    """f_mixed follows the given pressure, f_condensed does not: what makes the iteration a mixed one."""
-    u = displacement(mesh, "random")
-    (one, _), (other, _) = kernel(mesh, specimens.GEL, u, 0.0), kernel(mesh, specimens.GEL, u, 0.02)
-    by_number = one.coupling[0][np.argsort(mesh.elements[0])]
-    assert_allclose(other.f_mixed - one.f_mixed, 0.02 * by_number, atol=1e-15)
-    assert np.array_equal(one.f_condensed, other.f_condensed)
 
 
 @elements
@@ -289,13 +284,12 @@ def test_what_is_compiled_is_found_again_by_the_next_process(name):
     assert all(type(cell.cell_contents) in (int, bool, float) for cell in cells)
 
 
-def test_a_kernel_on_disk_is_that_of_these_laws():
+def test_every_module_that_compiles_is_known_by_its_laws():
     """What a law's routine computes is not in the code of the kernel that holds it: what tells them apart is closed over."""
     for kernel in (*ASSEMBLE.values(), *ASSEMBLE_WITH_MEMORY.values()):
         assert CODE in [cell.cell_contents for cell in kernel.py_func.__closure__]
 
-
-def test_every_module_that_compiles_is_among_them():
+    # Every module that compiles is among them
     package = Path(gelforge.__file__).parent
     compiling = [path for path in package.rglob("*.py") if re.search(r"@(nb|numba)\.njit", path.read_text())]
     assert {".".join(path.relative_to(package).with_suffix("").parts) for path in compiling} == set(COMPILED)

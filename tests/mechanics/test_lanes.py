@@ -94,19 +94,17 @@ def test_one_operand(function):
     assert_array_equal(in_lanes(function, x), list(map(function, x)))
 
 
-def test_functions_that_have_no_form_of_their_own_are_those_of_each_lane():
+def test_functions_choices_and_numbers_in_lanes():
     x = rng.uniform(0.1, 2.0, 40)
     assert_array_equal(in_lanes(math.sqrt, x), np.sqrt(x))
     assert_array_equal(in_lanes(math.erf, x), list(map(math.erf, x)))
     np.testing.assert_allclose(in_lanes(lambda x: x**1.7 + x**2, x), x**1.7 + x**2, rtol=1e-15)
 
-
-def test_a_number_is_the_same_in_all_lanes():
+    # A number is the same in all lanes
     x = rng.normal(size=40)
     assert_array_equal(in_lanes(lambda x: 2 - x / 4.0, x), 2 - x / 4.0)
 
-
-def test_choices():
+    # Choices
     x, y = rng.normal(size=40), rng.normal(size=40)
     assert_array_equal(in_lanes(lambda x, y: where_less(x, y, 1.0, -x), x, y), np.where(x < y, 1.0, -x))
     x, y = np.zeros(LANES), np.zeros(LANES)
@@ -139,7 +137,7 @@ def symmetric(values):
     return np.einsum("nia,na,nja->nij", Q, values, Q)
 
 
-def test_eigenvectors():
+def test_eigenvectors_of_every_lane():
     """Of any matrix: eigenvalues equal, nearly equal, far apart; none, one, diagonal; small and large."""
     apart = np.exp(rng.normal(size=(400, 3)))
     close = np.ones((240, 3)) + 10.0 ** -rng.uniform(1, 17, (240, 1)) * rng.normal(size=(240, 3))
@@ -155,9 +153,7 @@ def test_eigenvectors():
     assert np.abs(np.swapaxes(V, 1, 2) @ V - np.eye(3)).max() < 1e-14
     assert (np.abs(np.einsum("nia,na,nja->nij", V, values, V) - A) <= 1e-13 + 1e-14 * size).all()
 
-
-def test_eigenvectors_of_a_lane_do_not_depend_on_the_others():
-    """Large matrices, which rounding keeps from being diagonal at once, beside such as are."""
+    # Large matrices, which rounding keeps from being diagonal at once, beside such as are.
     A = symmetric(np.exp(np.array([0.1, 6.0] * LANES)[:, None] * rng.normal(size=(2 * LANES, 3))))
     values, V = eigen_of(A)
     for k in range(len(A)):

@@ -22,7 +22,7 @@ def flat_press():
     return Press(Body(mesh, LAWS, 1000.0), PUNCH, Settings())
 
 
-def test_a_flat_face_that_stands_on_the_surface_within_rounding_does_not_touch_it():
+def test_a_flat_punch_touches_beyond_rounding_and_leaves_the_gel():
     """Else nodes under it go in and out of contact for gaps of 1e-16 mm, and a press that is taken back never ends."""
     (standing,) = specimens.follow(flat_press(), (6.0, 6.0), [1e-15])
     assert (standing.gap < 0).any()
@@ -30,8 +30,7 @@ def test_a_flat_face_that_stands_on_the_surface_within_rounding_does_not_touch_i
     (pressed,) = specimens.follow(flat_press(), (6.0, 6.0), [1e-6])
     assert (pressed.contact_state != OPEN).any() and pressed.force[2] < 0
 
-
-def test_a_flat_punch_leaves_the_gel_where_it_touched_it():
+    # A flat punch leaves the gel where it touched it
     press = flat_press()
     pressed, deepest, _, gone = specimens.follow(press, (6.0, 6.0), [0.3, 0.6, 0.3, 0.0])
     assert deepest.force[2] < pressed.force[2] < 0

@@ -65,18 +65,14 @@ def remainder_rates(remainder, steps=(2e-2, 1e-2, 5e-3)):
 
 @battery
 @states
-def test_nominal_stress_is_the_derivative_of_the_energy(law, F):
+def test_stress_and_tangent_are_derivatives(law, F):
     D = rng.normal(size=F.shape) / 3
     slope = (law.nominal_stress(F) * D).sum(axis=(-2, -1))
     rates = remainder_rates(lambda h: np.abs(law.energy(F + h * D) - law.energy(F) - h * slope).max())
     # remainder of a correct first derivative: O(h^2), rate 2 + O(h); a wrong one has rate 1
     assert_allclose(rates, 2, atol=0.2)
 
-
-@battery
-@states
-def test_tangent_is_the_derivative_of_the_nominal_stress(law, F):
-    D = rng.normal(size=F.shape) / 3
+    # Tangent is the derivative of the nominal stress
     slope = np.einsum("...ijkl,...kl->...ij", law.tangent(F), D)
     rates = remainder_rates(
         lambda h: np.abs(law.nominal_stress(F + h * D) - law.nominal_stress(F) - h * slope).max()
@@ -99,16 +95,24 @@ def test_tangent_does_not_lose_digits_between_close_stretches(law):
 
 @battery
 @states
-def test_major_symmetry(law, F):
+def test_tangent_and_kirchhoff_stress_are_symmetric(law, F):
     A = law.tangent(F)
     assert_allclose(
         A, np.einsum("...ijkl->...klij", A), atol=1e-14 * np.abs(A).max()
     )  # rounding of the rotations
 
+    # Kirchhoff stress is symmetric traceless and blind to volume
+    tau = law.kirchhoff_stress(F)
+    atol = 1e-12 * max(law.shear_modulus, np.abs(tau).max())  # rounding
+    assert_allclose(tau, law.nominal_stress(F) @ np.swapaxes(F, -1, -2), atol=atol)
+    assert_allclose(tau, np.swapaxes(tau, -1, -2), atol=atol)
+    assert_allclose(np.trace(tau, axis1=-2, axis2=-1), 0, atol=atol)
+    assert_allclose(law.kirchhoff_stress(1.3 * F), tau, atol=atol)
+
 
 @battery
 @states
-def test_objectivity(law, F):
+def test_objectivity_and_isotropy(law, F):
     Q = rotations(len(F))
     scale = law.shear_modulus
     assert_allclose(
@@ -118,25 +122,9 @@ def test_objectivity(law, F):
     rotated = np.einsum("nia,nkc,najcl->nijkl", Q, Q, law.tangent(F))
     assert_allclose(law.tangent(Q @ F), rotated, rtol=1e-9, atol=1e-12 * np.abs(rotated).max())
 
-
-@battery
-@states
-def test_isotropy(law, F):
-    Q = rotations(len(F))
-    scale = law.shear_modulus
+    # Isotropy
     assert_allclose(law.energy(F @ Q), law.energy(F), rtol=1e-12, atol=1e-14 * scale)
     assert_allclose(law.nominal_stress(F @ Q), law.nominal_stress(F) @ Q, rtol=1e-11, atol=1e-13 * scale)
-
-
-@battery
-@states
-def test_kirchhoff_stress_is_symmetric_traceless_and_blind_to_volume(law, F):
-    tau = law.kirchhoff_stress(F)
-    atol = 1e-12 * max(law.shear_modulus, np.abs(tau).max())  # rounding
-    assert_allclose(tau, law.nominal_stress(F) @ np.swapaxes(F, -1, -2), atol=atol)
-    assert_allclose(tau, np.swapaxes(tau, -1, -2), atol=atol)
-    assert_allclose(np.trace(tau, axis1=-2, axis2=-1), 0, atol=atol)
-    assert_allclose(law.kirchhoff_stress(1.3 * F), tau, atol=atol)
 
 
 @battery
@@ -169,18 +157,14 @@ def closed_form(law, case, lam):
 
 @battery
 @pytest.mark.parametrize("case", LOAD_CASES)
-def test_homogeneous_stress_is_the_closed_form(law, case):
+def test_homogeneous_stress_is_the_closed_form_in_one_and_three_dimensions(law, case):
     lam = np.linspace(0.6, 3, 25).reshape(5, 5)
     expected = closed_form(law, case, lam)
     atol = 1e-14 * np.abs(expected).max()  # cancellation near lam = 1
     assert_allclose(nominal_stress(law, case, lam), expected, rtol=1e-12, atol=atol)
     assert_allclose(cauchy_stress(law, case, lam), lam * expected, rtol=1e-12, atol=3 * atol)
 
-
-@battery
-@pytest.mark.parametrize("case", LOAD_CASES)
-def test_three_dimensional_form_agrees_with_the_closed_form(law, case):
-    """tau_1 - tau_3 is free of the pressure, so it is the Cauchy stress of the incompressible sheet."""
+    # Tau_1 - tau_3 is free of the pressure, so it is the Cauchy stress of the incompressible sheet.
     lam = np.linspace(0.7, 2.5, 10)
     F = np.einsum("ni,ij->nij", principal_stretches(case, lam), np.eye(3))
     tau = law.kirchhoff_stress(F)
@@ -216,12 +200,25 @@ def test_published_youngs_moduli():
     assert LAWS["elastosil_25_1"].youngs_modulus * 1e3 == pytest.approx(370.2, abs=0.05)
 
 
-def test_gent_has_no_stress_beyond_its_limit():
+def test_points_and_corrections_without_a_meaning_are_refused():
     lam = np.array([[3.0, 3**-0.5, 3**-0.5], [4.0, 0.5, 0.5]])  # I1 - 3 = 6.67 and 13.5
     law = Gent(0.1, 10.0)
     assert law.admissible(lam).tolist() == [True, False]
     with pytest.raises(ValueError, match=r"I_1 - 3 = 13.5, the chains' limit is Jm = 10"):
         law.principal_stress(lam)
+
+    # An inverted point is refused
+    F = np.stack([np.eye(3), np.diag([1.0, 1.0, -0.5])])
+    with pytest.raises(ValueError, match=r"det F = -0.5 at the worst of 2 points"):
+        LAWS["ecoflex_gel"].nominal_stress(F)
+
+    # Only a law without a correction is corrected
+    law = Corrected(NeoHooke(0.1), 0.01, 0.0)
+    assert law.description()["C20_correction_MPa"] == 0.01 and law.shear_modulus == 0.1
+    with pytest.raises(ValueError, match="law without a correction"):
+        Corrected(law, 0.01, 0.0)
+    with pytest.raises(ValueError, match="finite numbers"):
+        Corrected(NeoHooke(0.1), np.nan, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -253,18 +250,3 @@ def test_constants_without_a_meaning_are_refused(make, message):
 def test_parameters_without_a_meaning_are_refused(mu, alpha, message):
     with pytest.raises(ValueError, match=message):
         Ogden(mu, alpha)
-
-
-def test_an_inverted_point_is_refused():
-    F = np.stack([np.eye(3), np.diag([1.0, 1.0, -0.5])])
-    with pytest.raises(ValueError, match=r"det F = -0.5 at the worst of 2 points"):
-        LAWS["ecoflex_gel"].nominal_stress(F)
-
-
-def test_only_a_law_without_a_correction_is_corrected():
-    law = Corrected(NeoHooke(0.1), 0.01, 0.0)
-    assert law.description()["C20_correction_MPa"] == 0.01 and law.shear_modulus == 0.1
-    with pytest.raises(ValueError, match="law without a correction"):
-        Corrected(law, 0.01, 0.0)
-    with pytest.raises(ValueError, match="finite numbers"):
-        Corrected(NeoHooke(0.1), np.nan, 0.0)

@@ -42,11 +42,16 @@ def expected_volumes(block):
     return volumes
 
 
-def test_regions_have_their_exact_volumes(case):
+def test_regions_have_their_exact_volumes_and_every_node_is_used_once(case):
     block, _, mesh = case
     _, weight = element_gradient(mesh.X, mesh.elements)
     found = {name: weight[mesh.region == r].sum() for r, name in enumerate(mesh.regions)}
     assert found == pytest.approx(expected_volumes(block), rel=1e-12)
+
+    # Every node is used once
+    _, _, mesh = case
+    assert np.array_equal(np.unique(mesh.elements), np.arange(len(mesh.X)))
+    assert len(np.unique(np.round(mesh.X, 9), axis=0)) == len(mesh.X)
 
 
 def test_even_mesh_is_conforming(case):
@@ -64,12 +69,6 @@ def test_even_mesh_is_conforming(case):
     wx, wy, f = block.width_x, block.width_y, block.flange_width
     sides = 2 * (wx + wy) * (block.height - block.flange_height) + 2 * (wx + wy + 4 * f) * block.flange_height
     assert area == pytest.approx(2 * (wx + 2 * f) * (wy + 2 * f) + sides, rel=1e-12)
-
-
-def test_every_node_is_used_once(case):
-    _, _, mesh = case
-    assert np.array_equal(np.unique(mesh.elements), np.arange(len(mesh.X)))
-    assert len(np.unique(np.round(mesh.X, 9), axis=0)) == len(mesh.X)
 
 
 def test_tied_fields_are_continuous(case):
@@ -93,7 +92,7 @@ def test_tied_fields_are_continuous(case):
     assert tested > 100
 
 
-def test_neighbours_differ_by_one_halving(case):
+def test_neighbours_differ_by_one_halving_and_cross_no_interface(case):
     _, _, mesh = case
     size = np.ptp(mesh.X[mesh.elements], axis=1).max(axis=1)
     largest, smallest = np.zeros(len(mesh.X)), np.full(len(mesh.X), np.inf)
@@ -101,6 +100,13 @@ def test_neighbours_differ_by_one_halving(case):
     np.minimum.at(smallest, mesh.elements, size[:, None])
     # base cells differ by some tenths, because lines meet walls and interfaces: 3.5 and 2.25 mm beside the corner
     assert (largest / smallest).max() < 2 * 1.6
+
+    # No element crosses an interface
+    block, _, mesh = case
+    interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height
+    z = mesh.X[mesh.elements, 2]
+    for height in interfaces:
+        assert not ((z.min(axis=1) < height - 1e-9) & (z.max(axis=1) > height + 1e-9)).any()
 
 
 @pytest.mark.parametrize(("parts", "through"), [(1.0, {1.5}), (2.0, {0.75}), (4.0, {0.375})])
@@ -131,15 +137,7 @@ def test_sizes_through_a_height_are_those_that_fit_one_below_another():
     assert sizes.through(2.0) == pytest.approx(np.trapezoid(every[:20001], depths[:20001]), rel=1e-6)
 
 
-def test_no_element_crosses_an_interface(case):
-    block, _, mesh = case
-    interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height
-    z = mesh.X[mesh.elements, 2]
-    for height in interfaces:
-        assert not ((z.min(axis=1) < height - 1e-9) & (z.max(axis=1) > height + 1e-9)).any()
-
-
-def test_surface_is_top_and_sides(case):
+def test_surface_is_top_and_sides_and_integrates_linear_fields(case):
     block, _, mesh = case
     X, top = mesh.X[mesh.surface.nodes], mesh.surface.top
     assert (X[top, 2] == 0).all() and (X[~top, 2] < 0).all()
@@ -150,10 +148,8 @@ def test_surface_is_top_and_sides(case):
     sides = 2 * (block.width_x + block.width_y) * above
     assert mesh.surface.area.sum() == pytest.approx(block.width_x * block.width_y + sides, rel=1e-13)
 
-
-def test_surface_area_integrates_linear_fields(case):
-    """The nodes' areas are integrals of their shape functions: they integrate linear fields exactly, ties and all."""
-    block, _, mesh = case
+    # The nodes' areas are integrals of their shape functions: they integrate linear fields exactly,
+    # ties and all.
     x, _, z = mesh.X[mesh.surface.nodes].T
     wx, wy = block.width_x, block.width_y
     low = block.flange_height - block.height if block.flange_width else -block.height
@@ -194,16 +190,23 @@ def test_fine_under_the_contact_and_never_coarser_than_asked(x):
     assert size[distance == 0].max() <= 1.4 * 0.5
 
 
-def test_a_line_runs_through_the_contact():
+def test_a_line_runs_through_the_contact_without_slivers():
     mesh = layered_block(PLAIN, 13.37, 18.2, SIZES)
     assert np.isclose(mesh.X[mesh.surface.nodes], [13.37, 18.2, 0.0]).all(axis=1).sum() == 1
 
-
-def test_finer_settings_give_finer_meshes():
+    # Finer settings give finer meshes
     coarse, fine = (
         layered_block(PLAIN, 16.0, 16.0, Sizes(near=h, far=2 * h)).elements for h in (0.75, 0.375)
     )
     assert 5 < len(fine) / len(coarse) < 9  # 8 where all sizes were halved alike: near_radius and walls stay
+
+    # 3.9 + 3.8 and 7.7 differ by rounding: two breaks at one height must not make elements 1e-15 mm
+    # thick.
+    block = Block(
+        10.0, 10.0, (("base", 3.9), ("gel", 3.8), ("skin", 1.5)), 1.0, flange_width=2.0, flange_height=7.7
+    )
+    mesh = layered_block(block, 5.0, 5.0, Sizes(near=1.0, near_radius=2.0, far=2.0))
+    assert np.diff(np.unique(mesh.X[:, 2])).min() > 0.1
 
 
 def test_meshes_of_mirrored_contacts_are_mirrored():
@@ -212,12 +215,3 @@ def test_meshes_of_mirrored_contacts_are_mirrored():
     order, reverse = (np.lexsort(np.round(X, 9).T) for X in (one.X, mirrored))
     assert_allclose(one.X[order], mirrored[reverse], atol=1e-12)
     assert np.array_equal(one.hanging[order], other.hanging[reverse])
-
-
-def test_flange_as_high_as_an_interface_adds_no_sliver():
-    """3.9 + 3.8 and 7.7 differ by rounding: two breaks at one height must not make elements 1e-15 mm thick."""
-    block = Block(
-        10.0, 10.0, (("base", 3.9), ("gel", 3.8), ("skin", 1.5)), 1.0, flange_width=2.0, flange_height=7.7
-    )
-    mesh = layered_block(block, 5.0, 5.0, Sizes(near=1.0, near_radius=2.0, far=2.0))
-    assert np.diff(np.unique(mesh.X[:, 2])).min() > 0.1

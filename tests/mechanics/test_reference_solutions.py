@@ -29,7 +29,7 @@ def test_bonded_layer_reproduces_the_table(nu):
     assert_allclose(found, TABLE[nu], atol=0.51e-4)  # the digits given
 
 
-def test_a_thick_layer_is_a_half_space():
+def test_thick_and_thin_layers_are_half_space_and_winkler_bed():
     """The base adds in proportion to a/h."""
     modulus = known.contact_modulus(0.3, 0.4)
     excess = []
@@ -39,9 +39,8 @@ def test_a_thick_layer_is_a_half_space():
     assert 0 < excess[0] < 0.01
     assert excess[0] / excess[1] == pytest.approx(2, rel=0.02)
 
-
-def test_a_thin_compressible_layer_is_a_winkler_bed():
-    """Pressure = confined modulus x strain: F = pi M R d^2 / h, a = sqrt(2 R d) (Johnson 1985, sec. 5.8)."""
+    # Pressure = confined modulus x strain: F = pi M R d^2 / h, a = sqrt(2 R d) (Johnson 1985, sec.
+    # 5.8).
     radius, thickness, mu, nu = 100.0, 1.0, 0.3, 0.2
     press = known.bonded_layer_at_radius(16.0, radius, thickness, mu, nu)
     confined = 2 * mu * (1 - nu) / (1 - 2 * nu)
@@ -57,7 +56,7 @@ def test_layer_compliance_is_that_of_a_half_space_far_up_and_of_a_column_far_dow
     assert known.layer_compliance(u, nu) == pytest.approx(u * (1 - 2 * nu) / (2 * (1 - nu) ** 2), rel=1e-6)
 
 
-def test_hertz_force_is_the_integral_of_its_pressure():
+def test_hertz_and_moduli_agree_with_their_definitions():
     press = known.hertz(0.02, 5.0, 0.1)
     a = press.contact_radius
     pressure = 2 * 0.1 / (np.pi * 5.0)  # 2 E* / (pi R) sqrt(a^2 - r^2), Johnson 1985, eq. 4.24
@@ -65,21 +64,19 @@ def test_hertz_force_is_the_integral_of_its_pressure():
     assert total == pytest.approx(press.force, rel=1e-8)
     assert a == pytest.approx(np.sqrt(5.0 * 0.02))
 
-
-def test_poissons_ratio():
+    # Poissons ratio
     assert known.poissons_ratio(1000.0) == pytest.approx(0.4995, abs=1e-6)
     assert known.poissons_ratio(2 / 3) == pytest.approx(0.0, abs=1e-15)
     assert known.contact_modulus(1.0, 0.5) == pytest.approx(3.0 / 0.75)  # E / (1 - nu^2), E = 3 mu
 
-
-def test_uniaxial_stress_agrees_with_the_tests_closed_forms():
+    # Uniaxial stress agrees with the tests closed forms
     mu, alpha = (0.08, -0.002), (2.9, -8.3)
     assert known.ogden_uniaxial(1.7, mu, alpha) == pytest.approx(
         closed_forms.ogden("uniaxial", 1.7, mu, alpha), rel=1e-14
     )
 
 
-def test_a_press_with_friction_lies_between_its_closed_forms():
+def test_friction_lies_between_its_closed_forms_as_spence_found():
     """Mossakovskii 1954: a force of ln(3 - 4 nu) / (1 - 2 nu) under unlimited friction, 1 / (1 - nu) without."""
     nu = 0.1
     stuck = np.log(3 - 4 * nu) / (1 - 2 * nu) * (1 - nu)
@@ -92,9 +89,8 @@ def test_a_press_with_friction_lies_between_its_closed_forms():
     shares = [known.pressed_with_friction(0.3, 0.3, rings).friction_share for rings in (50, 100)]
     assert shares[0] == pytest.approx(shares[1], rel=2e-4)
 
-
-def test_the_stick_zone_follows_friction_over_dundurs_constant_as_spence_found():
-    """Spence 1975: ln((1 + k) / (1 - k)) / (2 k) = friction / beta K(1 - k^2), where pressure does not feel the shear."""
+    # Spence 1975: ln((1 + k) / (1 - k)) / (2 k) = friction / beta K(1 - k^2), where pressure does
+    # not feel the shear.
     nu, friction = 0.48, 0.03
     beta = (1 - 2 * nu) / (2 * (1 - nu))
     k = brentq(

@@ -49,16 +49,14 @@ def error(x, exact):
     return np.linalg.norm(x - exact) / np.linalg.norm(exact)
 
 
-def test_direct_solution(system, solver):
+def test_direct_and_refined_solutions(system, solver):
     _, values, rhs, exact = system
     solver.factor(values)
     # Rounding times a condition of about 1e4 (K/mu = 1000): 7e-5 in single precision, 4e-13 in double; margin of ten.
     limit = 1e-11 if solver.name == "superlu" else 1e-3
     assert error(solver.solve(rhs), exact) < limit
 
-
-def test_refined_solution_is_double_precision(system, solver):
-    """GMRES makes the single-precision factorisation as good as a double one, in a few steps."""
+    # GMRES makes the single-precision factorisation as good as a double one, in a few steps.
     pattern, values, rhs, exact = system
     solver.factor(values)
     x, steps = refined_solve(solver, pattern, values, rhs, 1e-12, 50)
@@ -90,7 +88,7 @@ def test_every_step_wins_digits(system):
     assert left[2] < 1e-2 * left[1]
 
 
-def test_tiny_and_zero_right_hand_sides(system, solver):
+def test_scaled_right_hand_sides_and_values_are_solved(system, solver):
     """Forces of 1e-30 N must not fall out of single precision's range."""
     pattern, values, rhs, _ = system
     solver.factor(values)
@@ -99,8 +97,7 @@ def test_tiny_and_zero_right_hand_sides(system, solver):
     )
     assert not solver.solve(np.zeros(pattern.size)).any()
 
-
-def test_refactorisation_uses_the_new_values(system, solver):
+    # Refactorisation uses the new values
     pattern, values, rhs, exact = system
     solver.factor(2 * values)
     solver.factor(4 * values)
@@ -118,7 +115,11 @@ def test_two_solvers_of_one_pattern_do_not_disturb_each_other(system, solver):
     assert error(x, exact) < 1e-11
 
 
-def test_cholesky_refuses_an_indefinite_matrix(system):
+def test_matrices_without_a_factor_are_refused(system):
+    with pytest.raises(NotPositiveDefinite):
+        SuperLU(system[0]).factor(0 * system[1])
+
+    # Cholesky refuses an indefinite matrix
     try:
         solver = Pardiso(system[0])
     except ImportError:
@@ -127,19 +128,13 @@ def test_cholesky_refuses_an_indefinite_matrix(system):
         solver.factor(-system[1])
 
 
-def test_superlu_refuses_a_singular_matrix(system):
-    with pytest.raises(NotPositiveDefinite):
-        SuperLU(system[0]).factor(0 * system[1])
-
-
-def test_machines_without_mkl_get_superlu(system, monkeypatch):
+def test_machines_without_mkl_get_superlu_and_a_chosen_solver_is_taken(system, monkeypatch):
     monkeypatch.setitem(sys.modules, "pypardiso", None)  # an import of it now fails
     monkeypatch.setattr(sparse, "_math_kernel_library", sparse._math_kernel_library.__wrapped__)
     assert direct_solver(system[0]).name == "superlu"
     with pytest.raises(ImportError, match="set linear_solver: superlu"):
         direct_solver(system[0], "pardiso")
 
-
-def test_a_chosen_solver_is_taken(system, monkeypatch):
+    # A chosen solver is taken
     monkeypatch.setattr(sparse, "Pardiso", None)
     assert direct_solver(system[0], "superlu").name == "superlu"

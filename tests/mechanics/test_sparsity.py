@@ -21,12 +21,11 @@ def entries(pattern):
             pattern.indices[pattern.indptr[row] : pattern.indptr[row + 1]]]  # fmt: skip
 
 
-def test_equations_number_the_free_degrees_of_freedom(pattern):
+def test_pattern_and_equations_equal_the_brute_force_ones(pattern):
     assert (pattern.equation[MESH.fixed] == -1).all()
     assert np.array_equal(pattern.equation[~MESH.fixed].ravel(), np.arange(3 * (~MESH.fixed).sum()))
 
-
-def test_pattern_equals_the_brute_force_one(pattern):
+    # Pattern equals the brute force one
     expected = set()
     for nodes in MESH.elements:
         dofs = [k for k in pattern.equation[nodes].ravel() if k >= 0]
@@ -34,7 +33,7 @@ def test_pattern_equals_the_brute_force_one(pattern):
     assert entries(pattern) == sorted(expected)  # in row order, columns sorted, so the diagonal comes first
 
 
-def test_element_slots_name_where_rows_of_their_blocks_begin(pattern):
+def test_slots_name_where_blocks_begin(pattern):
     where = entries(pattern)
     pairs = [(a, c) for a in range(8) for c in range(a, 8)]
     for nodes, slots in zip(MESH.elements, pattern.element_slots):
@@ -49,10 +48,8 @@ def test_element_slots_name_where_rows_of_their_blocks_begin(pattern):
                 found = where[slot : slot + 3 - first]
                 assert found == [(row[i], column[m]) for m in range(first, 3)]
 
-
-def test_node_slots_name_the_nodes_own_blocks(pattern):
+    # Node slots name the nodes own blocks
     nodes = np.array([0, 26, 13, 20])
-    where = entries(pattern)
     slots = pattern.node_slots(nodes)
     for node, block in zip(nodes, slots):
         for i in range(3):
@@ -93,11 +90,18 @@ def assembled(pattern, elements, matrices):
     return values
 
 
-def test_condensation_equals_the_dense_product():
-    """T^T K T by dense algebra, K the full matrix in which hanging nodes are free."""
+def test_hanging_nodes_share_by_their_masters():
     mesh = specimens.press(specimens.CORNER).body.mesh
-    assert mesh.hanging.sum() > 20
     tied = build_pattern(mesh.elements, mesh.fixed, mesh.ties)
+    expected = set()
+    for nodes in mesh.elements:
+        masters = np.concatenate([mesh.ties[n].indices for n in nodes])
+        dofs = [k for k in tied.equation[np.unique(masters)].ravel() if k >= 0]
+        expected |= {(i, j) for i in dofs for j in dofs if i <= j}
+    assert entries(tied) == sorted(expected)
+
+    # T^T K T by dense algebra, K the full matrix in which hanging nodes are free.
+    assert mesh.hanging.sum() > 20
     E, A = mesh.elements.shape
     matrices = np.random.default_rng(1).normal(size=(E, 3 * A, 3 * A))
     matrices += matrices.transpose(0, 2, 1)
@@ -113,14 +117,3 @@ def test_condensation_equals_the_dense_product():
         shape=(tied.size, tied.size),
     ).toarray()
     assert_allclose(upper, np.triu(T.T @ K @ T), atol=1e-12)
-
-
-def test_the_pattern_with_hanging_nodes_holds_all_that_share_an_element_by_their_masters():
-    mesh = specimens.press(specimens.CORNER).body.mesh
-    tied = build_pattern(mesh.elements, mesh.fixed, mesh.ties)
-    expected = set()
-    for nodes in mesh.elements:
-        masters = np.concatenate([mesh.ties[n].indices for n in nodes])
-        dofs = [k for k in tied.equation[np.unique(masters)].ravel() if k >= 0]
-        expected |= {(i, j) for i in dofs for j in dofs if i <= j}
-    assert entries(tied) == sorted(expected)

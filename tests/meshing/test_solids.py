@@ -8,7 +8,7 @@ from gelforge.mechanics.meshes.mesh import Block
 from gelforge.meshing.solids import area, block_solids, dome_solids, enclosed_volume
 
 
-def test_a_domes_outer_surface_is_the_half_ellipsoid():
+def test_a_dome_is_the_half_ellipsoid_by_volume_faces_and_area():
     surface = dome_solids(24.0, 20.0, (("gel", 9.0),)).surfaces[0]
     # Faces between points 0.4 mm apart on radii of 9 to 12 mm cut off 1e-3 of the volume at most.
     assert enclosed_volume(surface) == pytest.approx(2 / 3 * np.pi * 12 * 10 * 9, rel=1e-3)
@@ -16,21 +16,17 @@ def test_a_domes_outer_surface_is_the_half_ellipsoid():
     scaled = (curved - [12.0, 10.0, -9.0]) / [12.0, 10.0, 9.0]
     assert np.linalg.norm(scaled, axis=1) == pytest.approx(1.0, abs=1e-12)
 
-
-def test_the_faces_of_a_dome_are_near_it():
-    """Middles of the faces of a hemisphere of 10 mm lie less than 0.005 mm inside it."""
+    # Middles of the faces of a hemisphere of 10 mm lie less than 0.005 mm inside it.
     surface = dome_solids(20.0, 20.0, (("gel", 10.0),)).surfaces[0]
     corner = surface.vertices[surface.triangles]
     curved = corner[(corner[..., 2].max(axis=1) > -9.99)].mean(axis=1)
     assert np.linalg.norm(curved - [10.0, 10.0, -10.0], axis=1).min() > 10.0 - 0.005
 
-
-def test_a_hemispheres_area():
-    surface = dome_solids(20.0, 20.0, (("gel", 10.0),)).surfaces[0]
+    # A hemispheres area
     assert area(surface) == pytest.approx(3 * np.pi * 100, rel=1e-3)
 
 
-def test_a_skin_has_the_same_thickness_everywhere():
+def test_a_skin_has_the_same_thickness_everywhere_or_is_refused():
     gel, whole = dome_solids(24.0, 20.0, (("gel", 8.0), ("skin", 1.5))).surfaces
     on_dome = gel.vertices[
         gel.vertices[:, 2] > gel.vertices[:, 2].min() + 1.6
@@ -38,8 +34,7 @@ def test_a_skin_has_the_same_thickness_everywhere():
     # The outer faces lie up to 0.003 mm inside the ellipsoid.
     assert -whole.distance(on_dome)[0] == pytest.approx(1.5, abs=4e-3)
 
-
-def test_a_skin_thicker_than_the_curvature_is_refused():
+    # A skin thicker than the curvature is refused
     with pytest.raises(
         SurfaceError, match=r"9 mm thick, the dome's smallest radius of curvature is 8\.33 mm"
     ):

@@ -22,7 +22,7 @@ def region_is(meshed, name):
     return meshed.mesh.region == meshed.mesh.regions.index(name)
 
 
-def test_the_interface_is_a_surface_of_the_mesh(meshed):
+def test_interface_and_boundary_are_surfaces_of_the_mesh(meshed):
     """Its area within 1 %, its nodes on it, the volume inside it within 0.5 %."""
     inner, mesh = meshed.solids.surfaces[0], meshed.mesh
     faces = faces_between(mesh.elements, region_is(meshed, "gel"))
@@ -32,23 +32,20 @@ def test_the_interface_is_a_surface_of_the_mesh(meshed):
     assert volume[region_is(meshed, "gel")].sum() == pytest.approx(enclosed_volume(inner), rel=5e-3)
     assert volume.sum() == pytest.approx(enclosed_volume(meshed.solids.surfaces[-1]), rel=5e-3)
 
-
-def test_every_tetrahedron_lies_on_one_side(meshed):
-    """No corner of the skin lies deeper in the gel, no corner of the gel further out, than nodes lie off the interface."""
-    inner, mesh = meshed.solids.surfaces[0], meshed.mesh
+    # No corner of the skin lies deeper in the gel, no corner of the gel further out, than nodes lie
+    # off the interface.
     gap = inner.distance(mesh.X)[0]
     inside = region_is(meshed, "gel")
     assert gap[mesh.elements[inside]].max() < ON_SURFACE_MM
     assert gap[mesh.elements[~inside]].min() > -ON_SURFACE_MM
 
-
-def test_boundary_nodes_lie_on_the_given_surface(meshed):
+    # Boundary nodes lie on the given surface
     mesh = meshed.mesh
     boundary = np.unique(faces_between(mesh.elements, np.ones(len(mesh.elements), bool)))
     assert np.abs(meshed.solids.surfaces[-1].distance(mesh.X[boundary])[0]).max() < ON_SURFACE_MM
 
 
-def test_edges_are_curved_and_no_element_is_spoilt(meshed):
+def test_edges_are_curved_and_as_long_as_asked_under_the_contact(meshed):
     mesh = meshed.mesh
     ratio = tetrahedra._jacobian_ratio(mesh.X, mesh.elements)
     assert ratio.min() >= tetrahedra.LEAST_JACOBIAN
@@ -56,10 +53,8 @@ def test_edges_are_curved_and_no_element_is_spoilt(meshed):
         corners = mesh.X[mesh.surface.faces[:, :2]].mean(axis=1)
         assert np.linalg.norm(mesh.X[mesh.surface.faces[:, 3]] - corners, axis=1).max() > 0.005
 
-
-def test_sizes_are_used_under_the_contact(meshed):
-    """Half an edge is about near within near_radius; fTetWild's edges scatter by a third about what is wanted."""
-    mesh = meshed.mesh
+    # Half an edge is about near within near_radius; fTetWild's edges scatter by a third about what
+    # is wanted.
     ends = mesh.X[mesh.surface.faces[:, [[0, 1], [1, 2], [2, 0]]]]
     distance = np.linalg.norm(ends.mean(axis=2) - meshed.touched[0, :3], axis=-1)
     half = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1) / 2
@@ -98,6 +93,10 @@ def test_base_and_touched_surface(meshed):
             10 * 8 + 36 * 3.5, rel=2e-3
         )  # edges are cut by the envelope
 
+    # A base below the body is refused
+    with pytest.raises(MeshingError, match=r"no node of the mesh lies at or below the base z = -20"):
+        tetrahedra._boundary(meshed.mesh.X, meshed.mesh.elements, -20.0, 0.1)
+
 
 @pytest.mark.thorough
 def test_meshes_repeat_to_the_byte():
@@ -131,11 +130,6 @@ def test_a_surface_that_crosses_itself_is_refused():
     solids = Solids(("gel",), (both,), ((both.vertices, both.triangles),), -3.5)
     with pytest.raises(MeshingError, match=r"lie up to 1\.\d mm off those.*crosses itself"):
         tetrahedral_mesh(solids, Sizes(near=1.0, far=2.0), np.array([[5.0, 4.0, 0.0, 0.0]]))
-
-
-def test_a_base_below_the_body_is_refused(meshed):
-    with pytest.raises(MeshingError, match=r"no node of the mesh lies at or below the base z = -20"):
-        tetrahedra._boundary(meshed.mesh.X, meshed.mesh.elements, -20.0, 0.1)
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".msh"])

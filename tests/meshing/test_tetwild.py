@@ -11,15 +11,14 @@ from gelforge.meshing import tetwild
 from gelforge.meshing.tetwild import TetwildError, tetrahedralize
 
 
-def test_the_sizing_field_covers_the_box_without_overlap():
+def test_the_sizing_field_and_the_mesh_fill_the_box():
     points, tetrahedra = tetwild._background(np.array([-1.0, 0.0, -2.0]), np.array([3.0, 1.0, 0.5]))
     corner = points[tetrahedra]
     volume = np.linalg.det(corner[:, 1:] - corner[:, :1]) / 6
     assert volume.min() > 0
     assert volume.sum() == pytest.approx(4 * 1 * 2.5)
 
-
-def test_tetrahedra_fill_the_box_around_and_are_upright():
+    # Tetrahedra fill the box around and are upright
     vertices, triangles = SHAPES["block"][0].drafts[-1]
     X, tetrahedra = tetrahedralize(vertices, triangles, lambda p: np.full(len(p), 3.0), 3.0, 0.05)
     corner = X[tetrahedra]

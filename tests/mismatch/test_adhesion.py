@@ -26,7 +26,7 @@ def branch():
     return HELD - retreat, force - stiffness * retreat
 
 
-def test_the_contact_is_that_of_the_formula():
+def test_the_contact_is_that_of_the_formula_up_to_its_pull_off():
     """a^3 = R / K (F + 3 pi w R + sqrt(6 pi w R F + (3 pi w R)^2)), a^2 = R d of the held depth, where it is stable."""
     _, F = branch()
     stable = HELD > HELD[np.argmin(F)]
@@ -34,14 +34,13 @@ def test_the_contact_is_that_of_the_formula():
     cubed = R / K * (F + p + np.sqrt(np.maximum(2 * p * F + p**2, 0.0)))
     assert_allclose(cubed, (R * HELD[stable]) ** 1.5, rtol=1e-6)
 
-
-def test_pull_off_at_a_held_load_and_at_a_held_depth():
+    # Pull off at a held load and at a held depth
     depth, F = branch()
     assert F.min() == pytest.approx(-1.5 * np.pi * W * R, rel=1e-6)
     assert F[np.argmin(depth)] == pytest.approx(-5 / 6 * np.pi * W * R, rel=1e-3)  # at a minimum of the depth
 
 
-def test_deficit_at_the_depth_where_hertz_has_no_force_and_at_a_large_one():
+def test_deficit_at_no_depth_at_a_large_one_and_after_the_turn():
     """4/3 pi w R at depth 0, pi w R where the contact is large beside that at which it parts."""
     depths = np.array([1e-6, 1.9])
     found = HALF_SPACE.pull(W, depths, np.full(2, 100.0))
@@ -50,9 +49,7 @@ def test_deficit_at_the_depth_where_hertz_has_no_force_and_at_a_large_one():
         1e-9 * np.pi * W * R, rel=1e-3
     )
 
-
-def test_the_contact_is_held_just_after_the_turn():
-    """There the force falls along the flat punch that the contact is, 3/2 K a per mm."""
+    # There the force falls along the flat punch that the contact is, 3/2 K a per mm.
     back = np.array([1e-3, 1e-2, 2e-2])
     found = HALF_SPACE.pull(W, 1.0 - back, np.ones(3))
     without = K * np.sqrt(R) * (1.0 - back) ** 1.5
@@ -66,9 +63,8 @@ def test_on_a_layer_the_pull_grows_with_the_contact():
     little = contact.pull(1e-9 * W, np.array([0.2, 1.0]), np.full(2, 9.0)) / (1e-9 * W * np.pi * R)
     assert_allclose(little, 1 + np.sqrt([0.2, 1.0]) / np.sqrt(5.0), rtol=1e-2)
 
-
-def test_areas_are_those_of_solutions_by_felupe():
-    """dA/dd between depths [mm]: 4 mm of gel under 1 mm of skin, whose nodes of 0.5 mm know an area to some per cent."""
+    # DA/dd between depths [mm]: 4 mm of gel under 1 mm of skin, whose nodes of 0.5 mm know an area
+    # to some per cent.
     depths, areas = np.array([0.4, 0.8, 1.2, 1.6]), np.array([4.660, 12.648, 21.658, 31.266])
     middle = (depths[1:] + depths[:-1]) / 2
     expected = np.pi * R * (1 + np.sqrt(R * middle) / 5.0)

@@ -41,7 +41,7 @@ def test_one_effect_that_stands_for_two_is_not_sure_where_pairs_do_as_well():
     assert_allclose(both.holding(names[1:3]), odds / (1 + odds) * 13 / 28, rtol=1e-6)
 
 
-def test_a_part_of_the_evidence_counts_of_the_unknown_too():
+def test_a_part_of_the_evidence_counts_in_all_sets_that_hold_an_effect():
     one, other, strange = frozenset(["tilt"]), frozenset(["yaw"]), frozenset([UNKNOWN])
     found = posterior({one: 12.0, other: 7.0, strange: 11.0}).probability
     assert_allclose(found[one] / found[other], np.exp(5.0 * TEMPERING))
@@ -50,8 +50,7 @@ def test_a_part_of_the_evidence_counts_of_the_unknown_too():
         found[strange] / found[NOTHING], np.exp(TEMPERING * 11.0 + log_prior(1, 40) - log_prior(0, 40))
     )
 
-
-def test_an_effect_is_as_probable_as_all_sets_that_hold_it():
+    # An effect is as probable as all sets that hold it
     pair, tilt = frozenset(["tilt", "yaw"]), frozenset(["tilt"])
     found = posterior({pair: 50.0, tilt: 50.0})
     assert found.holding(["tilt"]) == pytest.approx(found.probability[pair] + found.probability[tilt])

@@ -54,7 +54,7 @@ def test_levels_are_the_layers_the_thickest_halved(thickness, faces):
     assert len(faces) > LEVELS
 
 
-def test_boxes_fill_the_layers_once_and_leave_the_wall():
+def test_boxes_fill_the_layers_by_shares_and_leave_the_wall():
     shares = 0.0
     for box in boxes(STUDY):
         mesh, factor = stiffness(BOX.to_study(STUDY, box, [1.0]))
@@ -63,16 +63,14 @@ def test_boxes_fill_the_layers_once_and_leave_the_wall():
     np.testing.assert_allclose(shares[layers], 1.0, atol=1e-12)
     assert not shares[~layers].any() and (~layers).any()
 
-
-def test_an_element_that_a_face_cuts_takes_part_by_its_share():
+    # An element that a face cuts takes part by its share
     box = {"low_mm": [6.0, 7.3, -3.1], "high_mm": [9.2, 10.0, -1.7], "factor": 3.0}
     mesh, factor = stiffness(with_keys(STUDY, geometry={"patches": [box]}))
     corner = mesh.X[mesh.elements]
     volume = (corner.max(axis=1) - corner.min(axis=1)).prod(axis=1)
     assert ((factor - 1) / 2 * volume).sum() == pytest.approx(3.2 * 2.7 * 1.4, rel=1e-12)
 
-
-def test_no_amount_is_the_study_itself_and_a_box_leaves_a_square_no_mirror_images():
+    # No amount is the study itself and a box leaves a square no mirror images
     box = boxes(STUDY)[0]
     assert BOX.to_study(STUDY, box, [0.0]) is STUDY
     assert not BOX.to_study(STUDY, box, [0.1]).has_symmetry_of_square
@@ -89,14 +87,13 @@ def along():
     return planned, *derivatives(STUDY, specimens.STUDY_LAWS, planned, variations)
 
 
-def test_all_boxes_together_are_all_layers(along):
+def test_derivatives_add_to_that_of_all_layers_and_are_the_solver_s(along):
     _, _, found = along
     total = sum(found[str(k)].total for k in range(len(boxes(STUDY))))
     # 1 %: each derivative may be off by as much as its tolerance and the step's curvature leave.
     np.testing.assert_allclose(total, found["all"].total, atol=0.01 * np.abs(found["all"].total).max())
 
-
-def test_a_derivative_is_that_of_the_solver(along):
+    # A derivative is that of the solver
     planned, cell, found = along
     size = [np.abs(found[str(k)].total).max() for k in range(len(boxes(STUDY)))]
     k = int(np.argmax(size))

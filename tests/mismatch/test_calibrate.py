@@ -143,7 +143,7 @@ def test_the_material_file_is_taken_as_any_other_and_labels_carry_its_uncertaint
     assert written.synthetic and written.study == "mine"
 
 
-def test_a_file_of_another_name_serves_a_material(found, tmp_path):
+def test_a_calibrated_file_serves_another_study_and_has_its_page(found, tmp_path):
     source = found[0] / "soft.json"
     study = small(materials={"soft": {"parameters": None, "file": str(source)}})
     assert_allclose(1e3 * laws_of(study, [])["soft"].youngs_modulus, STIFFER * KPA, rtol=0.01)
@@ -151,8 +151,7 @@ def test_a_file_of_another_name_serves_a_material(found, tmp_path):
     with pytest.raises(ConfigError, match="exactly one of"):
         small(materials={"soft": {"file": str(source)}})
 
-
-def test_the_page_holds_all_chapters_and_is_said_to_be_synthetic(found):
+    # The page holds all chapters and is said to be synthetic
     page = write_calibration_page(found[0]).read_text()
     assert "SYNTHETIC DATA" in page and "http" not in page.replace("http://www.w3.org", "")
     for key in ("short", "curves", "sites", "apart", "origin"):
@@ -172,7 +171,7 @@ def test_a_value_that_enters_a_study_is_the_one_it_has(name):
     assert_allclose(one.kind.value(back, specimens.STUDY_LAWS, one.layers), one.start)
 
 
-def test_layers_of_one_material_have_one_modulus_and_thicknesses_of_their_own():
+def test_parameters_are_those_of_layers_and_what_a_sensor_lacks_is_refused():
     study = small(
         sensor={"layers": [layer.model_dump() | {"material": "soft"} for layer in small().sensor.layers]}
     )
@@ -181,8 +180,7 @@ def test_layers_of_one_material_have_one_modulus_and_thicknesses_of_their_own():
     with pytest.raises(ConfigError, match="two layers of one material"):
         free_of(study, specimens.STUDY_LAWS, ["gel.modulus", "skin.modulus"], {})
 
-
-def test_a_parameter_that_a_sensor_does_not_have_is_refused_with_those_that_it_has():
+    # A parameter that a sensor does not have is refused with those that it has
     assert {"gel.modulus", "skin.thickness", "friction", "base.compliance"} <= set(names_of(small()))
     with pytest.raises(ConfigError, match=r"no parameter \['gel.hardness'\].*gel.modulus"):
         free_of(small(), specimens.STUDY_LAWS, ["gel.hardness"], {})

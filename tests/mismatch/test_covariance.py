@@ -55,16 +55,14 @@ def case(request):
     return covariance_of(context), dense(context, law_directions(context), 0.01 * context.force)
 
 
-def test_whitening_is_exact(case):
+def test_whitening_is_exact_for_any_columns(case):
     covariance, C = case
     W = covariance.whiten(np.eye(len(C)))
     # Rounding: the condition number of C, some 1e4 here, times 1e-16, with room.
     assert_allclose(W @ C @ W.T, np.eye(len(C)), atol=1e-10)
     assert_allclose(covariance.whiten(C[:, 0]), W @ C[:, 0], atol=1e-12)
 
-
-def test_no_columns_are_whitened_to_none(case):
-    covariance, C = case
+    # No columns are whitened to none
     assert covariance.whiten(np.zeros((len(C), 0))).shape == (len(C), 0)
 
 
@@ -84,10 +82,8 @@ def test_errors_of_a_change_are_half_common_and_half_of_readings_alike(case):
     W = covariance.erring(U).whiten(np.eye(len(C)))
     assert_allclose(W @ wanted @ W.T, np.eye(len(C)), atol=1e-10)
 
-
-def test_what_is_made_of_a_covariance_that_errs_is_whitened_by_its_own(case):
-    """Steps that it has taken over from another covariance are not those of a further variance, or of fewer entries."""
-    covariance, C = case
+    # Steps that it has taken over from another covariance are not those of a further variance, or
+    # of fewer entries.
     rng = np.random.default_rng(2)
     U, own = rng.normal(0, 0.05, (len(C), 2)), rng.uniform(0, 0.01, len(C))
     alike, mask = covariance.levels[-2].group, rng.random(len(C)) < 0.6
@@ -104,16 +100,14 @@ def test_what_is_made_of_a_covariance_that_errs_is_whitened_by_its_own(case):
         assert_allclose(W @ dense @ W.T, np.eye(len(dense)), atol=1e-9)
 
 
-def test_a_part_has_the_part_of_the_matrix(case):
+def test_parts_and_further_directions_have_their_matrix(case):
     covariance, C = case
     mask = np.random.default_rng(1).random(len(C)) < 0.6
     W = covariance.restricted(mask).whiten(np.eye(mask.sum()))
     assert_allclose(W @ C[np.ix_(mask, mask)] @ W.T, np.eye(mask.sum()), atol=1e-10)
     assert len(covariance.restricted(np.zeros(len(C), bool)).whiten(np.zeros((0, 2)))) == 0
 
-
-def test_further_directions_add_their_outer_product(case):
-    covariance, C = case
+    # Further directions add their outer product
     U = np.random.default_rng(2).normal(0, 0.1, (len(C), 3))
     W = covariance.extended(U).whiten(np.eye(len(C)))
     assert_allclose(W @ (C + U @ U.T) @ W.T, np.eye(len(C)), atol=1e-9)
@@ -177,12 +171,11 @@ def test_forty_thousand_readings():
     assert np.linalg.norm(relative) < 1 < np.linalg.norm(0.02 * flat_base(context)) / 0.010
 
 
-def test_noise_must_be_given():
+def test_noise_and_one_site_per_press_must_be_given():
     with pytest.raises(ValueError, match="resolution"):
         Covariance(np.array([1.0, 0.0]))
 
-
-def test_a_press_has_one_site():
+    # A press has one site
     levels = (Draws(np.array([0, 0]), np.ones((2, 1))), Draws(np.array([0, 1]), np.ones((2, 1))))
     with pytest.raises(ValueError, match="one site"):
         Covariance(np.ones(2), levels)

@@ -34,7 +34,7 @@ def found_in(problem):
     return modelled(problem, kernels_of(problem), split(problem.labels, SEED))
 
 
-def test_a_smooth_change_is_learnt_and_predicts_what_was_held_out(base):
+def test_a_smooth_change_is_learnt_and_noise_is_not(base):
     problem, share = bends(base)
     model = found_in(problem)
     assert model.held.shown and "depth" in model.kernel.words
@@ -44,8 +44,7 @@ def test_a_smooth_change_is_learnt_and_predicts_what_was_held_out(base):
     assert np.std((problem.residual - model.left)[held] - true[held]) < 0.6 * np.std(true[held])
     assert np.std((model.change - true)[z]) < 0.35 * np.std(true[z])
 
-
-def test_noise_is_not_modelled(base):
+    # Noise is not modelled
     assert not found_in(problem_of(base)).held.shown
 
 

@@ -41,7 +41,7 @@ def one_press(times, depths, phases, linear=1.0):
     )
 
 
-def test_overstress_of_an_even_rise_and_a_wait():
+def test_overstress_of_a_rise_and_a_wait_and_of_extreme_times():
     """v tau (1 - exp(-t / tau)) while depth grows at v, then fading with tau: exact for a stiffness linear in depth."""
     tau, v = 0.7, 0.5
     rise, wait = np.array([0.5, 1.0, 2.0]), np.array([2.5, 4.0, 9.0])
@@ -53,10 +53,8 @@ def test_overstress_of_an_even_rise_and_a_wait():
     # pchip reproduces a line; 1e-9 is rounding
     assert_allclose(found[:, 2], expected, rtol=1e-9)
 
-
-def test_a_long_relaxation_is_a_stiffness_and_a_short_one_nothing():
+    # A long relaxation is a stiffness and a short one nothing
     context = one_press([1.0, 2.0, 3.0], [1.0, 1.0, 0.5], ["load", "dwell", "unload"])
-    effect = CATALOGUE["viscoelastic"]
     for tau, share in ((1e9, 1.0), (1e-9, 0.0)):
         found = (
             effect.to_forces(context, {"part": "gel", "time_s": tau}, context.force, [1.0]) - context.force
@@ -75,7 +73,7 @@ def test_relaxation_times_reach_from_a_tenth_of_a_second_to_ten_times_the_longes
         assert max(b / a for a, b in zip(times, times[1:])) < 10**0.5 + 0.02
 
 
-def test_softening_comes_after_deeper_presses_near_the_place():
+def test_softening_comes_after_deeper_presses_on_two_scales():
     table = CONTEXT.observations.table
     softer = change("mullins", [0.3])[:, 2] / -CONTEXT.derivative("gel_stiffness")[:, 2]
     first = table["press"] == table["press"].iloc[0]
@@ -95,9 +93,8 @@ def test_softening_comes_after_deeper_presses_near_the_place():
     )
     assert (softer[fresh] > 0).any()
 
-
-def test_softening_is_tried_with_two_scales_of_the_largest_energy():
-    """A loss at the slightest return keeps more of its size on a shallow return than one in proportion."""
+    # A loss at the slightest return keeps more of its size on a shallow return than one in
+    # proportion.
     small, large = (shape["m_kPa"] for shape in CATALOGUE["mullins"].shapes(CONTEXT))
     assert large == pytest.approx(10 * small, rel=0.1)  # two digits
     context = one_press([1.0, 2.0, 3.0], [1.0, 0.8, 0.3], ["load", "unload", "unload"])
@@ -122,7 +119,7 @@ def test_energies_add_up_to_the_work():
     assert_allclose(x[:, 0] / (1 + x[:, 0]), (np.arange(6) + 0.5) / 6, rtol=1e-12)
 
 
-def test_age_and_warmth_act_between_sessions_only():
+def test_age_and_warmth_act_between_sessions_that_state_them():
     later = (CONTEXT.observations.table["session"] == "s2").to_numpy()
     gel = CONTEXT.derivative("gel_stiffness")
     for name, beyond in (("ageing", 30.0), ("temperature", 4.0)):
@@ -130,8 +127,7 @@ def test_age_and_warmth_act_between_sessions_only():
         assert (found[~later] == 0).all()
         assert_allclose(found[later], 0.01 * beyond * gel[later], atol=1e-14)
 
-
-def test_a_session_that_does_not_say_its_age_stays():
+    # A session that does not say its age stays
     table = CONTEXT.observations.table
     earlier = (table["session"] != "s2").to_numpy()
     for name, column in (("ageing", "age_days"), ("temperature", "temperature_C")):
@@ -142,9 +138,7 @@ def test_a_session_that_does_not_say_its_age_stays():
         found = change(name, [0.01], context=replace(CONTEXT, observations=said))
         assert not found[~earlier].any()
 
-
-def test_what_is_the_same_in_all_readings_is_not_tried():
-    """At one age, or where none is said, ageing is another name for a stiffer gel."""
+    # At one age, or where none is said, ageing is another name for a stiffer gel.
     for name, column in (("ageing", "age_days"), ("temperature", "temperature_C")):
         for value in (np.nan, 40.0):
             same = replace(CONTEXT.observations, table=CONTEXT.observations.table.assign(**{column: value}))
@@ -170,14 +164,13 @@ def test_a_yielding_frame_takes_depth_in_proportion_to_force():
     mode = np.sin(np.pi * 4 / 20) ** 2
     assert_allclose(change("base_bending", [c])[corner], mode**2 * found[corner], atol=1e-15)
 
-
-def test_without_the_solver_depth_acts_by_the_slope_of_the_base():
+    # Without the solver depth acts by the slope of the base
     alone = replace(CONTEXT, derivatives={}, at_readings={})
     found = change("frame_compliance", [0.1], context=alone)
     assert_allclose(found, 0.1 * alone.force[:, 2:] * alone.slope(), atol=1e-14)
 
 
-def test_a_late_clock_reads_the_force_of_before_and_an_early_one_that_of_after():
+def test_a_clock_reads_the_force_of_before_or_after_by_its_sign():
     """At the end of the way down an early clock reads the wait: nothing changes there."""
     context = one_press(
         [1.0, 2.0, 5.0, 6.0, 7.0], [0.5, 1.2, 1.2, 0.6, 0.4], ["load", "load", "dwell", "unload", "unload"]
@@ -187,9 +180,7 @@ def test_a_late_clock_reads_the_force_of_before_and_an_early_one_that_of_after()
         found = change("clock_offset", [0.1], STAMPS.index(stamp), context)[:, 2]
         assert_allclose(found, -0.1 * np.array(speed) * per_mm, atol=1e-14)
 
-
-def test_without_a_shape_the_sign_of_the_lag_says_which_way_it_is():
-    """As where a study takes it as known."""
+    # As where a study takes it as known.
     context = one_press([1.0, 2.0], [0.5, 1.2], ["load", "load"])
     clock = CATALOGUE["clock_offset"]
     for lag, stamp in ((0.1, "late"), (-0.1, "early")):
@@ -235,15 +226,14 @@ def test_offset_and_drift_are_what_the_zero_of_a_tared_session_leaves():
     assert_allclose(since_touch, zeroed.observations.table["press_time_s"], atol=1e-9)
 
 
-def test_hysteresis_opens_on_the_way_up_by_its_share_at_half_of_the_peak():
+def test_hysteresis_and_play_open_when_the_force_turns():
     times, depths = [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 2.0, 2.0, 1.0, 0.5]
     context = one_press(times, depths, ["load", "load", "dwell", "unload", "unload"])
     found = change("force_hysteresis", [0.0, 0.0, 0.05], context=context)[:, 2]
     assert_allclose(found, [0.0, 0.0, 0.0, -0.05 * 2.0, -0.05 * 2.0 * 0.75], atol=1e-14)
 
-
-def test_play_lags_both_ways_and_needs_its_band_to_turn():
-    """By a share of the largest force that the base has anywhere; just past the peak the reading still waits."""
+    # By a share of the largest force that the base has anywhere; just past the peak the reading
+    # still waits.
     times, depths = [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 2.0, 2.0, 1.99, 0.5]
     context = one_press(times, depths, ["load", "load", "dwell", "unload", "unload"])
     half = 0.05 * max(np.abs(values[:, 2]).max() for values in context.curves.values)
@@ -254,6 +244,11 @@ def test_play_lags_both_ways_and_needs_its_band_to_turn():
     lag = down * half
     assert_allclose(found[:, 2], [-lag, -lag, -lag, back - lag, lag], atol=1e-14)
 
+    # Hysteresis is not offered without a way up
+    down = artificial.chosen(CONTEXT, (CONTEXT.observations.table["phase"] != "unload").to_numpy())
+    assert CATALOGUE["force_hysteresis"].shapes(CONTEXT) == [{"loop": "lens"}, {"loop": "play"}]
+    assert CATALOGUE["force_hysteresis"].shapes(down) == []
+
 
 @pytest.mark.parametrize("loop", ["lens", "play"])
 @pytest.mark.parametrize("axis", range(3))
@@ -261,12 +256,6 @@ def test_each_axis_has_a_hysteresis_of_its_own(loop, axis):
     effect = CATALOGUE["force_hysteresis"]
     found = effect.to_forces(CONTEXT, {"loop": loop}, CONTEXT.force, 0.05 * np.eye(3)[axis]) - CONTEXT.force
     assert found[:, axis].any() and not np.delete(found, axis, axis=1).any()
-
-
-def test_hysteresis_is_not_offered_without_a_way_up():
-    down = artificial.chosen(CONTEXT, (CONTEXT.observations.table["phase"] != "unload").to_numpy())
-    assert CATALOGUE["force_hysteresis"].shapes(CONTEXT) == [{"loop": "lens"}, {"loop": "play"}]
-    assert CATALOGUE["force_hysteresis"].shapes(down) == []
 
 
 def test_adhesion_is_seen_on_the_way_up_only():
@@ -311,13 +300,12 @@ def test_scale_is_about_the_principal_point(camera):
     assert_allclose(project(larger, points)[0] - camera.centre_px, 1.1 * away, rtol=1e-12)
 
 
-def test_pose_moves_and_turns_the_camera():
+def test_pose_and_refraction_move_rays_as_they_say():
     found = CATALOGUE["camera_pose"].to_camera(STUDY, PINHOLE, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     assert found.position_mm == [11.0, 12.0, -53.0] and found.rotation_deg == [4.0, 5.0, 6.0]
 
-
-def test_refraction_is_snells_law_near_the_axis():
-    """A ray from the pinhole to the lower face and on into the gel, by Snell's law, ends at the point that is seen there."""
+    # A ray from the pinhole to the lower face and on into the gel, by Snell's law, ends at the
+    # point that is seen there.
     n, below, f = 1.41, 50.0, PINHOLE.focal_px
     camera = CATALOGUE["refraction"].to_camera(STUDY, PINHOLE, [n - 1])
     for u, height in ((9.0, 1.0), (18.0, 4.0)):  # px off the axis: 0.6 and 1.1 deg

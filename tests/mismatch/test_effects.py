@@ -53,6 +53,9 @@ def change(name, amounts, shape=0, context=CONTEXT):
 def test_the_catalogue_holds_every_name():
     assert set(NAMES) | set(KNOWN) <= set(CATALOGUE)
 
+    # A negative compliance is no physics
+    assert not CATALOGUE["frame_compliance"].in_range([-0.216])
+
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_everything_is_said(name):
@@ -106,10 +109,6 @@ def test_a_plausible_amount_is_in_range_and_an_unphysical_one_is_not(name):
         assert not effect.in_range(beyond)
         beyond[k] = -p.width * (p.sign or 1)
         assert effect.in_range(beyond) == (p.sign == 0)
-
-
-def test_a_negative_compliance_is_no_physics():
-    assert not CATALOGUE["frame_compliance"].in_range([-0.216])
 
 
 def test_an_effect_enters_by_its_file(tmp_path, monkeypatch):
@@ -256,7 +255,7 @@ def test_a_simplification_is_turned_round(name, base, key, turned):
     assert getattr(CATALOGUE[name].to_study(base_with(**base), {}, [1]).mechanics, key) == turned
 
 
-def test_a_base_without_friction_is_tried_with_several_coefficients():
+def test_simplifications_are_lifted_with_several_coefficients_or_laws():
     found = CATALOGUE["frictionless"]
     smooth = base_with(friction=0.0)
     shapes = found.shapes(replace(CONTEXT, study=smooth))
@@ -265,8 +264,7 @@ def test_a_base_without_friction_is_tried_with_several_coefficients():
     (none,) = found.shapes(CONTEXT)
     assert found.to_study(STUDY, none, [1]).mechanics.friction == 0.0
 
-
-def test_small_strain_is_lifted_with_neo_hookean_laws_and_then_with_the_fitted_ones():
+    # Small strain is lifted with neo hookean laws and then with the fitted ones
     base = base_with(strain="small", contact_normals="initial")
     lifted = CATALOGUE["small_strain"].to_study(base, {}, [1])
     assert lifted.mechanics.strain == "finite" and lifted.mechanics.effects.material.linear_law
@@ -279,11 +277,6 @@ def test_small_strain_is_lifted_with_neo_hookean_laws_and_then_with_the_fitted_o
 def test_what_the_base_does_not_assume_is_not_put_right(name):
     assert not CATALOGUE[name].applies(STUDY)
     assert CATALOGUE[name].applies(base_with(strain="small"))
-
-
-def test_a_simplification_has_no_half():
-    with pytest.raises(ValueError, match=r"found 0\.5"):
-        CATALOGUE["frictionless"].to_study(STUDY, {}, [0.5])
 
 
 @pytest.mark.parametrize(
@@ -308,13 +301,17 @@ def test_an_effect_of_what_the_sensor_does_not_have_is_not_offered(name, sensor_
     assert not CATALOGUE[name].applies(study_from(merged(STUDY.model_dump(mode="json"), sensor_or_mechanics)))
 
 
-def test_friction_left_out_has_one_name_whatever_the_base():
+def test_friction_left_out_has_one_name_and_no_half():
     """A base without any is `frictionless`; one that has some has another coefficient, or none."""
     smooth = study_from(merged(STUDY.model_dump(mode="json"), {"mechanics": {"friction": 0.0}}))
     names = ("friction", "friction_law", "frictionless")
     assert [CATALOGUE[name].applies(smooth) for name in names] == [False, False, True]
     assert all(CATALOGUE[name].applies(STUDY) for name in names)
     assert CATALOGUE["friction"].to_study(STUDY, {}, [-1.0]).mechanics.friction == 0.0
+
+    # A simplification has no half
+    with pytest.raises(ValueError, match=r"found 0\.5"):
+        CATALOGUE["frictionless"].to_study(STUDY, {}, [0.5])
 
 
 # --------------------------------------------------------------------------------------------------------- places
@@ -329,7 +326,7 @@ def test_every_point_of_the_gel_is_near_a_place(kind):
     assert all(p["z_mm"] <= -1.0 and p["z_mm"] - 6.0 < 0 for p in kind(STUDY))
 
 
-def test_a_dome_has_places_inside_only():
+def test_a_void_has_places_inside_and_acts_where_it_is():
     dome = study_from(
         merged(STUDY.model_dump(mode="json"), {"sensor": {"shape": {"kind": "dome"}, "wall_mm": 0.0}})
     )
@@ -342,8 +339,7 @@ def test_a_dome_has_places_inside_only():
         x, y = (2 * p["x_mm"] / 20 - 1), (2 * p["y_mm"] / 20 - 1)
         assert x**2 + y**2 + (1 + p["z_mm"] / 6) ** 2 < 1
 
-
-def test_a_void_acts_where_it_is():
+    # A void acts where it is
     k = 5
     there = np.abs(change("void", [1.0], shape=k)[:, 2]) / np.abs(CONTEXT.force[:, 2])
     place = places.balls(STUDY)[k]

@@ -15,24 +15,22 @@ EXAMPLE = Path("docs/adding/examples/depth_scale.py")
 CATALOGUE = effects.CATALOGUE
 
 
-def test_file_and_catalogue_agree():
+def test_the_page_has_a_row_for_every_effect():
     assert PAGE.read_text(encoding="utf-8") == page(CATALOGUE), (
         "docs/effects.md is old: python docs/effects_table.py"
     )
 
-
-def test_every_effect_has_one_row_of_five_cells():
+    # Every effect has one row of five cells
     rows = [line for line in page(CATALOGUE).splitlines() if line.startswith("| ")][1:]
     assert sorted(line.split(" | ")[0].removeprefix("| ") for line in rows) == sorted(CATALOGUE)
     assert all(line.count(" | ") == 4 for line in rows)
 
 
-def test_a_bar_in_words_does_not_split_a_cell():
+def test_cells_tell_bars_and_like_parameters_once():
     split = replace(CATALOGUE["yaw"], signature="|F| grows")
     assert "| \\|F\\| grows |" in page({"yaw": split})
 
-
-def test_parameters_that_differ_by_name_only_are_told_once():
+    # Parameters that differ by name only are told once
     assert parameters(CATALOGUE["force_gain"].parameters) == "x, y, z [-] 0.05, -0.5 .. 0.5"
     pose = "shift_x, shift_y, shift_z [mm] 0.5, -5 .. 5; turn_x, turn_y, turn_z [deg] 1, -15 .. 15"
     assert parameters(CATALOGUE["camera_pose"].parameters) == pose

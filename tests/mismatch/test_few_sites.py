@@ -23,12 +23,10 @@ def test_a_bend_that_is_a_parabola_of_depth_is_carried_to_all_sites():
     assert np.array_equal(found[near], solved[near])
     assert np.abs(found - solved).max() < 0.02 * np.abs(solved - linear).max()
 
-
-def test_what_is_linear_stays_so():
+    # What is linear stays so
     linear, solved = change(np.random.default_rng(2), lambda d: 0 * d)
     assert bent(linear, solved, np.isin(SITE, [3]), DEPTHS) == pytest.approx(linear, abs=1e-12)
 
-
-def test_without_any_change_there_is_none():
+    # Without any change there is none
     none = np.zeros((len(SITE), 3))
     assert not bent(none, none, np.isin(SITE, [3]), DEPTHS).any()

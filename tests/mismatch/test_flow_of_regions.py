@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import flow_channel
 
 
-def test_mean_motion_of_a_shifted_gel_is_the_shift():
+def test_mean_motion_of_a_shifted_and_of_a_growing_picture():
     """Parallel rays: every region sees the same, whatever points lie in it, cropped or not."""
     flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
     points = np.random.default_rng(0).uniform([0, 0, -4], [16, 16, 0], (400, 3))
@@ -35,10 +35,8 @@ def test_mean_motion_of_a_shifted_gel_is_the_shift():
         # rays are parallel within 1e-3
         assert_allclose(motion, np.tile(expected, (REGIONS**2, 1)), rtol=2e-3)
 
-
-def test_mean_motion_of_a_growing_picture_grows_from_its_middle():
-    """What grows by a about the optical axis moves each region by a times the distance of its middle."""
-    flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
+    # What grows by a about the optical axis moves each region by a times the distance of its
+    # middle.
     middle = np.array([8.0, 8.0, 0.0])
     grid = np.stack(np.meshgrid(*[np.linspace(-6, 22, 281)] * 2), axis=-1).reshape(-1, 2)
     points = np.column_stack([grid, np.full(len(grid), -1.0)])
@@ -71,7 +69,7 @@ def test_slope_of_the_mean_motion_is_that_of_a_difference():
     assert_allclose(np.tensordot(slope, step, 2), difference, atol=5e-3 * np.abs(difference).max())
 
 
-def test_scatter_parts_what_regions_show_alike_at_all_sites():
+def test_scatter_parts_what_regions_and_neighbours_share():
     """ARTIFICIAL flows off by a share of 10 % per region, and by 0.05 px in every image: each is found, within 10 %."""
     rng, K = np.random.default_rng(1), 40
     base = 3 * rng.standard_normal((6, 1, REGIONS**2, 2))
@@ -80,9 +78,8 @@ def test_scatter_parts_what_regions_show_alike_at_all_sites():
     assert_allclose(np.median(np.abs(scatter.shared / base[:, 0])), 0.1, rtol=0.1)
     assert_allclose(scatter.rest.mean(), 0.05, rtol=0.1)
 
-
-def test_scatter_tells_what_neighbours_share():
-    """ARTIFICIAL shares whose correlation falls by 0.4 from region to region, and a rest without any."""
+    # ARTIFICIAL shares whose correlation falls by 0.4 from region to region, and a rest without
+    # any.
     rng, K, m = np.random.default_rng(2), 400, REGIONS**2
     root = neighbours(0.4)
     base = 30 * rng.standard_normal((4, 1, m, 2))
@@ -104,7 +101,7 @@ def test_scatter_tells_what_neighbours_share():
     assert_allclose([across[2, 3, 2, 3], across[2, 3, 2, 4], across[2, 3, 4, 2]], [1.0, 0.4, 0.4**3])
 
 
-def test_region_means_are_by_area():
+def test_regions_have_means_by_area_and_middles_of_the_image():
     flow = np.arange(2.0 * 12 * 20).reshape(12, 20, 2)  # 12 / 8 and 20 / 8 pixels: regions share pixels
     means = region_means(flow)
     assert means.shape == (REGIONS**2, 2)
@@ -114,6 +111,14 @@ def test_region_means_are_by_area():
         flow[0, 0] + flow[0, 1] + flow[0, 2] / 2 + (flow[1, 0] + flow[1, 1] + flow[1, 2] / 2) / 2
     ) / 3.75
     assert_allclose(means[0], expected, rtol=1e-12)
+
+    # Middles of regions are those of the image as taken
+    camera = Camera(**flow_channel.CAMERA)
+    whole, cut = (
+        region_middles(CameraView(camera, crop, VirtualImaging())) for crop in (None, (40, 30, 320, 240))
+    )
+    assert_allclose([whole[0], whole[1], whole[REGIONS]], [[24.5, 24.5], [74.5, 24.5], [24.5, 74.5]])
+    assert_allclose([cut[0], cut[-1]], [[40 + 19.5, 30 + 14.5], [40 + 320 - 20.5, 30 + 240 - 15.5]])
 
 
 def test_a_flat_scale_is_a_pinhole_far_away():
@@ -128,12 +133,3 @@ def test_a_flat_scale_is_a_pinhole_far_away():
     points = np.random.default_rng(0).uniform([0, 0, -4], [16, 16, 0], (50, 3))
     # heights of 4 mm at 10 m: 4e-4 of at most 200 px
     assert_allclose(project(pinhole(flat), points)[0], project(flat, points)[0], atol=0.1)
-
-
-def test_middles_of_regions_are_those_of_the_image_as_taken():
-    camera = Camera(**flow_channel.CAMERA)
-    whole, cut = (
-        region_middles(CameraView(camera, crop, VirtualImaging())) for crop in (None, (40, 30, 320, 240))
-    )
-    assert_allclose([whole[0], whole[1], whole[REGIONS]], [[24.5, 24.5], [74.5, 24.5], [24.5, 74.5]])
-    assert_allclose([cut[0], cut[-1]], [[40 + 19.5, 30 + 14.5], [40 + 320 - 20.5, 30 + 240 - 15.5]])

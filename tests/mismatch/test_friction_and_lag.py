@@ -57,7 +57,7 @@ def test_a_study_has_the_friction_that_makes_the_map():
     assert [one.exponent for one in much.effects.contact.pressure_terms] == pytest.approx([0.99, -0.99, 0.2])
 
 
-def test_a_map_of_friction_is_about_the_study_s_own():
+def test_a_map_of_friction_is_about_the_study_s_own_if_it_has_any():
     falls = {"effects": {"contact": {"pressure_exponent": 0.5}}}
     context = replace(artificial.context(3, per_side=3), study=specimens.study(**falls))
     own = next(one for one in modules_of(context, friction_changes(context)) if one.name == "friction")
@@ -65,8 +65,7 @@ def test_a_map_of_friction_is_about_the_study_s_own():
     (excess,) = artificial.CATALOGUE["friction"].prior_sd
     assert own.basis[:, 0] == pytest.approx(excess * (1 + p / 0.01) ** -0.5)
 
-
-def test_a_base_without_friction_has_none_of_another_pressure():
+    # A base without friction has none of another pressure
     context = replace(artificial.context(3, per_side=3), study=specimens.study(friction=0.0))
     assert not friction.TERM.applies(context.study)
     assert "friction" not in {one.name for one in modules_of(context, ())}

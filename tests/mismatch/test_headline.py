@@ -62,7 +62,7 @@ def test_every_effect_alone_or_with_others_fits_into_it(name):
     assert short(three) and "1 more" in three
 
 
-def test_free_forms_and_discrepancies_fit_into_it():
+def test_free_forms_discrepancies_and_no_answer_fit_into_it():
     modules = modules_of(artificial.context(3, per_side=3), ())
     assert {"gain_in_time", "softening"} <= {module.name for module in modules}  # those of most words
     for module, beside in product(modules, (False, True)):
@@ -73,8 +73,7 @@ def test_free_forms_and_discrepancies_fit_into_it():
         ):
             assert short(said), said
 
-
-def test_what_has_no_answer_fits_into_it():
+    # What has no answer fits into it
     unknown = answer_of("tilt")
     for said in (
         headline("consistent"),

@@ -26,7 +26,7 @@ def world():
     return context.observations.labels(), covariance_of(context), make(context)
 
 
-def test_a_quarter_of_sites_and_depths_is_set_aside(world):
+def test_a_quarter_of_sites_and_depths_is_set_aside_in_turns(world):
     labels, _, _ = world
     blocks = split(labels, seed=3)
     assert labels["site"][blocks.held["positions"]].nunique() == 2  # of 9
@@ -39,8 +39,12 @@ def test_a_quarter_of_sites_and_depths_is_set_aside(world):
     assert np.any(split(labels, seed=4).train != blocks.train)
     assert np.all(blocks.held_out == ~blocks.train)
 
+    # Turns go through all sites
+    held = [set(labels["site"][split(labels, 0, turn).held["positions"]]) for turn in range(5)]
+    assert set.union(*held) == set(range(9)) and not held[0] & held[1]
 
-def test_of_two_sites_first_the_deepest_readings_are_set_aside_and_then_each_site():
+
+def test_of_one_or_two_sites_the_deepest_readings_are_set_aside():
     labels = readings(grid(2)[:2]).observations.labels()
     deepest, first, second = (split(labels, 0, turn) for turn in range(3))
     assert not deepest.held["positions"].any() and deepest.held["deepest"].any()
@@ -49,14 +53,7 @@ def test_of_two_sites_first_the_deepest_readings_are_set_aside_and_then_each_sit
         assert set(labels["site"][blocks.held["positions"]]) == {site}
         assert set(labels["site"][blocks.train]) == {1 - site} and not blocks.held["deepest"].any()
 
-
-def test_turns_go_through_all_sites(world):
-    labels, _, _ = world
-    held = [set(labels["site"][split(labels, 0, turn).held["positions"]]) for turn in range(5)]
-    assert set.union(*held) == set(range(9)) and not held[0] & held[1]
-
-
-def test_a_single_site_keeps_its_shallow_readings():
+    # A single site keeps its shallow readings
     labels = readings(grid(1)).observations.labels()
     blocks = split(labels, 0)
     assert not blocks.held["positions"].any() and blocks.held["deepest"].any() and blocks.train.any()
@@ -128,7 +125,7 @@ def test_what_is_there_is_predicted(world):
     assert clear >= 8
 
 
-def test_draws_of_presses_set_aside_are_not_fitted(world):
+def test_presses_set_aside_are_not_fitted_and_training_is_needed(world):
     """A depth error of one held-out indentation costs it alone what its variance allows, whatever the training says."""
     labels, covariance, _ = world
     blocks = split(labels, seed=3)
@@ -138,6 +135,11 @@ def test_draws_of_presses_set_aside_are_not_fitted(world):
     # Without what sites share (law and floor, small here) the held-out sites would be independent of training.
     alone = at.log_density(r[blocks.held["positions"]])
     assert scores["positions"][0] == pytest.approx(alone, abs=15)
+
+    # No training is an error
+    every = np.ones(len(labels), bool)
+    with pytest.raises(ValueError, match="training"):
+        predictive_scores(Prediction(np.zeros(len(labels)), covariance), Blocks(~every, {"all": every}))
 
 
 @pytest.mark.thorough
@@ -157,13 +159,6 @@ def test_the_error_of_a_gain_is_what_noise_gives_it(world):
     # of 300 draws a standard deviation is known to 1 / sqrt(600) = 4 %; three times that
     assert np.std(gains) == pytest.approx(expected, rel=0.12)
     assert np.mean(gains) == pytest.approx(expected**2 / 2, rel=0.12)
-
-
-def test_no_training_is_an_error(world):
-    labels, covariance, _ = world
-    every = np.ones(len(labels), bool)
-    with pytest.raises(ValueError, match="training"):
-        predictive_scores(Prediction(np.zeros(len(labels)), covariance), Blocks(~every, {"all": every}))
 
 
 def test_a_choice_costs_the_more_the_less_the_training_readings_had_chosen():

@@ -51,7 +51,7 @@ def lines_of(covariance, candidates):
     return indistinguishable(covariance, {one.name: one for one in screened(r, covariance, candidates)})
 
 
-def test_effects_that_scale_all_forces_share_a_line_and_others_do_not(world):
+def test_effects_of_a_line_scale_alike_and_correlate_all(world):
     _, covariance, candidates = world
     stiffness, drift = named(candidates, "gel_stiffness"), named(candidates, "force_drift")
     lines = lines_of(covariance, [stiffness, replace(stiffness, name="force_gain"), drift])
@@ -59,9 +59,7 @@ def test_effects_that_scale_all_forces_share_a_line_and_others_do_not(world):
     assert lines["force_drift"] == {"force_drift"}
     assert lines_of(covariance, [drift]) == {"force_drift": {"force_drift"}}
 
-
-def test_effects_of_a_line_correlate_all_with_each_other(world):
-    """Three changes 15 degrees apart: neighbours correlate by 0.966, the outer two by 0.866."""
+    # Three changes 15 degrees apart: neighbours correlate by 0.966, the outer two by 0.866.
     covariance = world[1]
     draws = draws_of(covariance, np.random.default_rng(2), 2)
     _, R = np.linalg.qr(covariance.whiten(draws))

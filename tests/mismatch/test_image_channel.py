@@ -107,14 +107,13 @@ def test_predicted_flow_is_the_measured_one_but_for_the_camera(joint):
     assert np.corrcoef(measured, predicted)[0, 1] > 0.97
 
 
-def test_forces_come_first_and_are_untouched(joint):
+def test_forces_are_untouched_and_effects_move_their_own_channel(joint):
     forces, n = joint.flow.forces, joint.flow.entries
     assert np.array_equal(joint.residual[:n], forces.residual)
     assert (joint.labels["channel"][:n] == "force").all() and (joint.labels["channel"][n:] == "flow").all()
     assert_allclose(joint.covariance.standard_deviation[:n], forces.covariance.standard_deviation, rtol=1e-12)
 
-
-def test_camera_moves_no_force_and_the_force_sensor_no_image(joint):
+    # Camera moves no force and the force sensor no image
     n = joint.flow.entries
     by_name = {candidate.name: candidate.columns for candidate in joint.candidates}
     for name in ("camera_scale", "camera_pose"):
@@ -122,9 +121,8 @@ def test_camera_moves_no_force_and_the_force_sensor_no_image(joint):
     assert by_name["force_gain"][:n].any() and not by_name["force_gain"][n:].any()
     assert by_name["gel_stiffness"][:n].any() and by_name["gel_stiffness"][n:].any()
 
-
-def test_camera_scale_changes_the_flow_in_proportion(joint):
-    """A flow f becomes (1 + a) f(p / (1 + a)): along f that is 1, and 1 more as -f p grad f integrates to f^2."""
+    # A flow f becomes (1 + a) f(p / (1 + a)): along f that is 1, and 1 more as -f p grad f
+    # integrates to f^2.
     column = next(c for c in joint.candidates if c.name == "camera_scale").columns[joint.flow.entries :, 0]
     flow = joint.observations.flat(joint.base)[flow_entries(joint)]
     # less what leaves the image, and the gel's rim
@@ -254,7 +252,7 @@ def test_a_defect_far_from_all_images_changes_no_flow(joint):
         model.change_along("void@7")
 
 
-def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):
+def test_errors_of_a_flow_follow_the_distance_and_the_sites_of_forces(joint):
     """A fifth of it, more than a change of the forces, each on its own; at the indenter as far as at the rim."""
     part = next(c for c in joint.candidates if c.name == "gel_stiffness")
     errors, n = joint.errors_of([(part, np.array([0.3]))]), joint.flow.entries
@@ -270,6 +268,13 @@ def test_a_change_of_the_flow_errs_by_a_share_that_follows_the_distance(joint):
     )
     away = joint.labels["errs_over"][n:]
     assert away.max() == 1.0 and away.min() < 0.2 and away.nunique() > 20
+
+    # Errors of a change are drawn for sites, and not for regions: these would take up where
+    # particles are.
+    n, labels = joint.flow.entries, joint.labels
+    group = joint.covariance.levels[-2].group
+    forces = dict(zip(labels["site"][:n], group[:n]))
+    assert all(forces[site] == g for site, g in zip(labels["site"][n:], group[n:]))
 
 
 def test_other_placements_are_as_far_off_as_the_covariance_says(joint, study):
@@ -287,22 +292,13 @@ def test_other_placements_are_as_far_off_as_the_covariance_says(joint, study):
     assert 0.4 < np.sqrt(np.mean(shares**2)) < 1.7  # of eight draws: 0.4 and 1.6 have a chance of 1 % each
 
 
-def test_the_flow_errs_alike_where_the_forces_do(joint):
-    """Errors of a change are drawn for sites, and not for regions: these would take up where particles are."""
-    n, labels = joint.flow.entries, joint.labels
-    group = joint.covariance.levels[-2].group
-    forces = dict(zip(labels["site"][:n], group[:n]))
-    assert all(forces[site] == g for site, g in zip(labels["site"][n:], group[n:]))
-
-
-def test_even_points_fill_the_gel(study):
+def test_points_fill_the_gel_and_regions_without_particles_are_left_out(study):
     points, inset = even_points(study.sensor, 0.3), 0.15
     ((low, high),) = gel_boxes(study.sensor)
     assert (points >= low + inset).all() and (points <= high - inset).all()
     assert_allclose(points.mean(axis=0), (low + high) / 2, atol=1e-3 * (high - low).max())
 
-
-def test_regions_without_particles_are_left_out(study):
+    # Regions without particles are left out
     camera = Camera(**(flow_channel.CAMERA | {"focal_px": 240.0}))  # the gel fills the middle only
     shown = shows_gel(CameraView(camera, None, VirtualImaging()), likely_particles(study.sensor, 1)).reshape(
         REGIONS, -1

@@ -35,7 +35,7 @@ def pressed(sites, came_along):
     return Observations(table, ones, PLACES, ones, ones, np.ones(R), by, came_along=moves)
 
 
-def test_the_last_move_along_each_axis_counts_however_long_ago():
+def test_the_last_move_of_the_stage_along_each_axis_counts():
     table = pd.DataFrame(
         {
             "press": ["a", "a", "b", "c", "d", "d"],
@@ -46,9 +46,8 @@ def test_the_last_move_along_each_axis_counts_however_long_ago():
     expected = [[0, 0], [0, 0], [1, 0], [1, -1], [-1, -1], [-1, -1]]
     assert_array_equal(last_moves(table), [np.diag(signs) for signs in expected])
 
-
-def test_moves_are_those_of_the_stage_whatever_its_place_on_the_sensor():
-    """Along a line of one stage coordinate the other axis does not move, in rounding, in jitter or turned by 90 degrees."""
+    # Along a line of one stage coordinate the other axis does not move, in rounding, in jitter or
+    # turned by 90 degrees.
     rng = np.random.default_rng(5)
     sent = np.array([[5.0, 3.0], [7.0, 3.0], [4.0, 3.0], [6.0, 3.0]]) + rng.uniform(-1e-3, 1e-3, (4, 2))
     for stage in (StageToSensor(rotation_deg=90.0), StageToSensor(rotation_deg=31.0, handedness="left")):
@@ -64,7 +63,7 @@ def test_play_along_one_axis_alone_is_an_answer_and_none_is_not():
     assert not PLAY.in_range([0.0, 0.0]) and not PLAY.in_range([0.3, -0.1]) and not PLAY.in_range([0.0, 2.0])
 
 
-def test_with_play_a_press_stays_behind_by_half_of_it(tmp_path):
+def test_with_play_a_press_stays_behind_and_without_it_is_the_base(tmp_path):
     found = pressed([0, 1, 0], [[1, 0], [-1, 0], [0, 0]])
     solver = Solver(STUDY, specimens.STUDY_LAWS, {}, tmp_path)
     base = base_of(solver, found, [SHIFT])
@@ -72,6 +71,11 @@ def test_with_play_a_press_stays_behind_by_half_of_it(tmp_path):
     slope = base.context.derivative("misregistration.x")
     assert_allclose(played - base.context.force, np.array([[-0.3], [0.3], [0.0]]) * slope, atol=1e-12)
     assert np.abs(slope[1]).max() > 1e-4  # beside the middle
+
+    # No play is the base bit for bit
+    found = pressed([0, 1], [[1, 0], [-1, 1]])
+    base = base_of(solver, found, [SHIFT])
+    assert_array_equal(forces_with(solver, base, [(PLAY, {}, [0.0, 0.0])]), base.context.force)
 
 
 def test_the_first_order_is_that_of_a_grid_shifted_the_other_way():
@@ -81,10 +85,3 @@ def test_the_first_order_is_that_of_a_grid_shifted_the_other_way():
     context = replace(context, observations=replace(context.observations, came_along=moves))
     played = PLAY.to_forces(context, {}, context.force, [0.4, 0.2])
     assert_allclose(played, to_forces(context, {}, context.force, [-0.2, 0.1]), rtol=1e-12)
-
-
-def test_no_play_is_the_base_bit_for_bit(tmp_path):
-    found = pressed([0, 1], [[1, 0], [-1, 1]])
-    solver = Solver(STUDY, specimens.STUDY_LAWS, {}, tmp_path)
-    base = base_of(solver, found, [SHIFT])
-    assert_array_equal(forces_with(solver, base, [(PLAY, {}, [0.0, 0.0])]), base.context.force)

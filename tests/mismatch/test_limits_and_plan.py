@@ -235,13 +235,20 @@ def refusal(home, capsys, *arguments):
     return printed
 
 
-def test_a_plan_without_a_verdict_is_refused(home, capsys, tmp_path):
+def test_what_cannot_be_planned_is_refused(home, capsys, tmp_path):
     assert "verdict.json: no such file; write it anew with `gelforge mismatch`" in refusal(
         home, capsys, "plan", "--out", tmp_path
     )
 
+    # A recording that is not there is refused
+    assert "limit" in refusal(home, capsys, home / "limit", "--out", tmp_path)
 
-def test_a_plan_after_a_verdict_with_another_table_is_refused(home, capsys, tmp_path):
+    # No workers are refused
+    for what in ("limits", "plan"):
+        printed = refusal(home, capsys, what, "--out", tmp_path, "--workers", 0)
+        assert "--workers 0: 1 or more are needed" in printed
+
+    # A plan after a verdict with another table is refused
     (tmp_path / "readings.csv").write_text("of another verdict\n")
     write_verdict(tmp_path, Verdict.model_validate(content(tables={"readings.csv": "0" * 64})))
     printed = refusal(home, capsys, "plan", "--out", tmp_path)
@@ -249,15 +256,13 @@ def test_a_plan_after_a_verdict_with_another_table_is_refused(home, capsys, tmp_
         "readings.csv: damaged or edited" in printed and "write it anew with `gelforge mismatch`" in printed
     )
 
-
-def test_a_plan_after_a_verdict_that_leaves_no_choice_is_refused(home, capsys, tmp_path):
+    # A plan after a verdict that leaves no choice is refused
     write_verdict(tmp_path, Verdict.model_validate(content()))
     printed = refusal(home, capsys, "plan", "--out", tmp_path)
     assert "the verdict is identified" in printed and "nothing is to be decided" in printed
     assert not (tmp_path / "experiments.csv").exists()
 
-
-def test_what_the_camera_alone_sees_is_not_for_presses_to_tell(home, capsys, tmp_path):
+    # What the camera alone sees is not for presses to tell
     names = ("camera_scale", "camera_pose")
     answer = [{"members": list(names), "probability": 0.97}]
     found = content(state="identified", answer=answer, effects=[effect(name, 0.5) for name in names])
@@ -265,13 +270,3 @@ def test_what_the_camera_alone_sees_is_not_for_presses_to_tell(home, capsys, tmp
     printed = refusal(home, capsys, "plan", "--out", tmp_path)
     assert "no indentation shows what the camera alone sees" in printed
     assert "camera_scale: a ruler or a checkerboard" in printed
-
-
-def test_no_workers_are_refused(home, capsys, tmp_path):
-    for what in ("limits", "plan"):
-        printed = refusal(home, capsys, what, "--out", tmp_path, "--workers", 0)
-        assert "--workers 0: 1 or more are needed" in printed
-
-
-def test_a_recording_that_is_not_there_is_refused(home, capsys, tmp_path):
-    assert "limit" in refusal(home, capsys, home / "limit", "--out", tmp_path)

@@ -44,7 +44,7 @@ def test_many_sets_at_once_are_as_likely_as_each_by_itself(size):
         assert value == pytest.approx(alone, rel=1e-9, abs=1e-9)
 
 
-def test_without_signs_the_evidence_is_that_of_a_normal_model():
+def test_evidence_is_that_of_a_normal_model_with_and_without_a_sign():
     rng = np.random.default_rng(5)
     J, prior_sd, r = rng.normal(size=(N, 3)), np.array([0.5, 1.0, 2.0]), rng.normal(size=N)
     Z = J * prior_sd
@@ -54,9 +54,7 @@ def test_without_signs_the_evidence_is_that_of_a_normal_model():
     assert found[0] == pytest.approx(exact, rel=1e-9)
     assert evidence(r, J, prior_sd, np.zeros(3))[0] == pytest.approx(exact, rel=1e-9)
 
-
-def test_an_amount_of_the_wrong_sign_loses_by_its_share_of_the_half_line():
-    """One amount: the evidence with a sign is twice the share of the posterior on that side (exact)."""
+    # One amount: the evidence with a sign is twice the share of the posterior on that side (exact).
     from scipy.stats import norm
 
     b, G = 3.0, 4.0

@@ -323,14 +323,13 @@ def judged_pair(forces):
     return found[0].verdict
 
 
-def test_a_gain_between_load_cells_is_named_and_no_material_effect():
+def test_a_gain_between_load_cells_is_named_and_equal_cells_are_null():
     verdict = judged_pair(pair(np.random.default_rng(4), [0.05] * 4))
     assert verdict.state == "identified" and named_in(verdict) == ["force_gain"]
     assert "viscoelastic" not in {effect.name for effect in verdict.effects}
     assert any("no property of the body" in sentence for sentence in verdict.cannot_know)
 
-
-def test_equal_load_cells_are_null():
+    # Equal load cells are null
     assert judged_pair(pair(np.random.default_rng(5), [0.0] * 4)).state == "consistent"
 
 
@@ -373,15 +372,13 @@ def test_the_irradiated_foam_ages_on_top_of_its_relaxation():
 
 
 @shared_data.needs_shared
-def test_the_gel_under_the_probe_sticks():
+def test_gel_and_cells_stick_under_the_probe():
     verdict = next(v for name, v in shared("afm_indentation").items() if name.startswith("polymergel"))
     assert named_in(verdict)[0] == "adhesion"
     assert verdict.fit.held_out.after.rmse_N[2] < 0.5 * verdict.fit.held_out.before.rmse_N[2]
 
-
-@shared_data.needs_shared
-def test_cells_relax_and_stick():
-    """Their withdrawal ends below the contact point, so no height at which the probe comes free is tried."""
+    # Their withdrawal ends below the contact point, so no height at which the probe comes free is
+    # tried.
     found = {name: v for name, v in shared("afm_indentation").items() if name.startswith("cell-")}
     assert len(found) == 3 and all(set(named_in(v)) == {"viscoelastic", "adhesion"} for v in found.values())
     for verdict in found.values():
@@ -390,13 +387,11 @@ def test_cells_relax_and_stick():
 
 
 @shared_data.needs_shared
-def test_the_two_load_cells_differ_in_gain_and_nothing_else():
+def test_two_load_cells_differ_in_gain_alone_as_the_command_writes(tmp_path):
     (verdict,) = shared("two_loadcells").values()
     assert verdict.state == "identified" and named_in(verdict) == ["force_gain"]
 
-
-@shared_data.needs_shared
-def test_the_command_writes_a_verdict_of_the_schema(tmp_path):
+    # The command writes a verdict of the schema
     mapping = ROOT / "config" / "mappings" / "two_loadcells.yaml"
     assert (
         main(

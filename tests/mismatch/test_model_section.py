@@ -37,7 +37,7 @@ def modelled():
     return problem, judge(problem, SETTINGS, seed=1)
 
 
-def test_what_no_effect_explains_is_modelled_with_its_range_and_what_it_predicts(modelled):
+def test_what_no_effect_explains_is_modelled_in_sections_and_tables(modelled):
     problem, found = modelled
     said = verdict(problem, found)
     assert said.state == "unexplained" and not said.sure
@@ -54,6 +54,16 @@ def test_what_no_effect_explains_is_modelled_with_its_range_and_what_it_predicts
     assert model.largest_N[2] == pytest.approx(np.abs(found.model.change[axis == 2]).max())
     assert "no known cause explains it" in said.sentence and "the pressing force with depth" in said.sentence
     assert "correction.csv" in said.next_step
+
+    # It stands alone: what was fitted without it is in none of them.
+    table, said = readings_table(problem, found), verdict(problem, found)
+    assert_allclose(table["after_N"], table["base_N"] + found.model.change, rtol=0, atol=1e-9)
+    assert_allclose(table["predicted_N"], table["measured_N"] - found.model.left, rtol=0, atol=1e-9)
+    z = (table["axis"] == "z").to_numpy()
+    left = (table["measured_N"] - table["after_N"])[z]
+    assert said.fit.after.rmse_N[2] == pytest.approx(np.sqrt(np.mean(left**2)))
+    assert said.fit.after.rmse_N[2] < 0.7 * said.fit.before.rmse_N[2]
+    assert said.fit.held_out == said.model.held_out and not said.fit.held_out_blocks
 
 
 def test_a_sure_effect_stands_beside_what_is_modelled():
@@ -81,19 +91,6 @@ def test_the_correction_has_every_judged_place_and_depth_while_loading(modelled,
     pd.testing.assert_frame_equal(written[table.columns].reset_index(drop=True), table, rtol=1e-6)
     write_tables(tmp_path, {CORRECTION: None})
     assert not (tmp_path / CORRECTION).exists()
-
-
-def test_tables_and_figures_after_hold_the_model(modelled):
-    """It stands alone: what was fitted without it is in none of them."""
-    problem, found = modelled
-    table, said = readings_table(problem, found), verdict(problem, found)
-    assert_allclose(table["after_N"], table["base_N"] + found.model.change, rtol=0, atol=1e-9)
-    assert_allclose(table["predicted_N"], table["measured_N"] - found.model.left, rtol=0, atol=1e-9)
-    z = (table["axis"] == "z").to_numpy()
-    left = (table["measured_N"] - table["after_N"])[z]
-    assert said.fit.after.rmse_N[2] == pytest.approx(np.sqrt(np.mean(left**2)))
-    assert said.fit.after.rmse_N[2] < 0.7 * said.fit.before.rmse_N[2]
-    assert said.fit.held_out == said.model.held_out and not said.fit.held_out_blocks
 
 
 def test_nothing_modelled_has_no_section_and_no_correction(modelled):

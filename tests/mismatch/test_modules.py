@@ -119,7 +119,7 @@ def module(context, name):
     return next(one for one in modules_of(context, candidates(context)) if one.name == name)
 
 
-def test_a_map_of_one_number_is_the_effect_of_one_amount():
+def test_a_map_of_one_number_is_an_effect_as_wide_as_plausible():
     """The first coefficient is the map's even part: one depth, one modulus, one gain."""
     context = artificial.context(3, per_side=3)
     flat = context.observations.flat
@@ -137,8 +137,7 @@ def test_a_map_of_one_number_is_the_effect_of_one_amount():
         gain.directions[:, 0], gain.basis[of_x][0, 0] * flat(context.force * [1, 0, 0]), rtol=1e-9
     )
 
-
-def test_a_map_is_as_wide_as_is_plausible():
+    # A map is as wide as is plausible
     context = artificial.context(3, per_side=5)
     own = module(context, "modulus_map")
     assert np.sqrt((own.basis**2).sum(axis=1).mean()) == pytest.approx(WIDTH, rel=0.5)
@@ -178,7 +177,7 @@ def test_a_body_softer_to_one_side_is_said_with_its_map(modulus, tmp_path):
     assert not (tmp_path / MODULE).exists()
 
 
-def test_its_correction_is_its_change_of_the_readings(modulus):
+def test_the_correction_is_the_change_and_needs_a_cause_that_is_sure(modulus, tmp_path):
     hidden, found = modulus
     table = correction_table(hidden, found.model)
     true = softer_to_one_side(artificial.context(31, per_side=4))[0] - hidden.base
@@ -188,8 +187,7 @@ def test_its_correction_is_its_change_of_the_readings(modulus):
     assert np.std(left) < 0.4 * np.std(true[rows, 2])
     assert np.mean(np.abs(left) < 2 * table["sigma_z_N"]) > 0.8
 
-
-def test_a_file_without_an_effect_needs_a_cause_that_is_sure(modulus, tmp_path):
+    # A file without an effect needs a cause that is sure
     said = verdict(*modulus)
     write_verdict(tmp_path, said)
     assert read_verdict(tmp_path).model.cause == "modulus_map" and (tmp_path / VERDICT).is_file()
@@ -242,12 +240,16 @@ def test_a_form_counts_for_the_effect_that_it_generalises():
     assert known.causes["smooth"] == pytest.approx(both[1] / 2)
 
 
-def test_each_cause_is_as_likely_as_all_manners_without_one(modulus):
+def test_chances_of_kernels_add_up_and_causes_share_them(modulus):
     one = modulus[1].posterior.unknown[frozenset()]
     causes = {own.words for own in modulus[0].modules if own.named}
     share = 1 / (len(causes) + 1)
     assert [one.priors[words] for words in causes] == pytest.approx([np.log(share)] * len(causes))
     assert sum(np.exp(p) for words, p in one.priors.items() if words not in causes) == pytest.approx(share)
+
+    # Chances of manners add up to that of something unknown
+    posterior = modulus[1].posterior
+    assert sum(posterior.kernels.values()) == pytest.approx(posterior.holding([UNKNOWN]), abs=1e-9)
 
 
 def terms(context):
@@ -259,7 +261,7 @@ def terms(context):
     ]
 
 
-def test_a_study_has_the_terms_of_the_energy_that_make_the_map():
+def test_a_study_has_the_energy_or_the_spectrum_that_makes_the_map():
     context = replace(artificial.context(3, per_side=3), study=specimens.study())
     own = next(one for one in modules_of(context, terms(context)) if one.name == "strain_energy")
     amounts = np.array([0.4, -0.2, 0.1, 0.3])
@@ -271,9 +273,7 @@ def test_a_study_has_the_terms_of_the_energy_that_make_the_map():
     gel = (own.map["quantity"] == "gel's dW/dI1").to_numpy() & (own.map["I1_less_3"] == 0.5).to_numpy()
     assert (own.basis @ amounts)[gel] == pytest.approx(TERM.prior_sd[0] * (0.4 * 2 * 0.5 - 0.2 * 3 * 0.25))
 
-
-def test_a_study_has_the_branches_of_a_spectrum():
-    context = replace(artificial.context(3, per_side=3), study=specimens.study())
+    # A study has the branches of a spectrum
     own = next(one for one in modules_of(context, ()) if one.name == "relaxation")
     gel = (own.map["quantity"] == "gel's relative modulus").to_numpy()
     moduli = np.where(gel, 0.05, -0.1)  # a negative one is none
@@ -311,11 +311,6 @@ def test_an_effect_of_the_catalogue_stays_preferred():
     found = judge(hidden, SETTINGS, seed=1)
     assert found.state == "identified" and found.answer.sure[0].members[0] == "force_gain"
     assert found.posterior.holding([UNKNOWN]) < 0.2
-
-
-def test_chances_of_manners_add_up_to_that_of_something_unknown(modulus):
-    posterior = modulus[1].posterior
-    assert sum(posterior.kernels.values()) == pytest.approx(posterior.holding([UNKNOWN]), abs=1e-9)
 
 
 def test_the_cause_that_the_page_shows_is_a_whole_one():

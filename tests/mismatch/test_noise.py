@@ -46,13 +46,12 @@ def test_size_and_tails_are_those_of_the_repeats():
         assert low <= found <= high
 
 
-def test_steps_wider_than_the_noise_are_an_error_of_their_own():
+def test_wide_steps_and_a_stated_noise_are_taken_as_they_are():
     noise, rounding, _, _ = reading_noise(recording(drawn(False), step_N=0.02))
     assert rounding == pytest.approx(np.full(3, 0.02 / np.sqrt(12)))  # in all axes: half a step is 0.010
     assert (noise < 0.01).all()
 
-
-def test_a_stated_noise_is_taken_as_it_is():
+    # A stated noise is taken as it is
     noise, _, (freedom, tails), said = reading_noise(
         recording(drawn(False)[:12], presses=2, repeatability_N=0.004)
     )
@@ -74,7 +73,7 @@ def test_a_resolution_counts_where_neither_steps_nor_repeatability_are_known():
         assert noise == pytest.approx(np.maximum(SIGMA, 0.1 * step), rel=0.1)
 
 
-def test_steps_of_an_amplifier_are_found_beneath_the_digits_written():
+def test_steps_are_found_beneath_the_digits_and_turn_with_the_axes():
     """3 / 1024 N with five digits, as ADCs have them; five digits of anything; all digits; one number."""
     rng = np.random.default_rng(11)
     counts, any_number = rng.integers(-200, 200, 500), rng.normal(0, 0.3, 500)
@@ -83,8 +82,7 @@ def test_steps_of_an_amplifier_are_found_beneath_the_digits_written():
     assert found[0] == pytest.approx(3 / 1024, rel=1e-4)
     assert found[1] == pytest.approx(1e-5) and np.isnan(found[2:]).all()
 
-
-def test_steps_turn_with_the_axes_of_the_force_sensor():
+    # Steps turn with the axes of the force sensor
     one = recording(drawn(False), step_N=0.02)
     one.readings[RAW[0]] = np.round(np.random.default_rng(1).normal(size=2400), 4)  # its steps: 1e-4
     one.session.force = ForceSensor(axes=[[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
@@ -143,7 +141,7 @@ def pressed(by, off, depths=(0.5, 1.0), sigma=0.0, sites=1):
     )
 
 
-def test_the_scatter_of_the_contact_point_is_seen_in_repeats_that_found_it_themselves():
+def test_the_scatter_of_the_contact_point_is_seen_in_repeats_that_found_it():
     """400 presses of 4 places know a scatter to 4 %; the slope is a difference over 0.1 mm."""
     off = np.random.default_rng(8).normal(0, 0.02, 400)
     found = with_contact_point(pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
@@ -151,14 +149,12 @@ def test_the_scatter_of_the_contact_point_is_seen_in_repeats_that_found_it_thems
     none = with_contact_point(pressed("press", 0 * off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
     assert (none.press_depth_mm < 0.001).all()
 
-
-def test_one_zero_for_all_presses_is_not_seen_in_repeats():
+    # One zero for all presses is not seen in repeats
     found = with_contact_point(pressed("session", np.full(40, 0.05)))
     assert (found.session_depth_mm == 0.02).all() and not found.press_depth_mm.any()
     assert "0.02 mm is assumed" in found.cannot_know[0]
 
-
-def test_two_presses_are_one_repeat_however_many_depths_they_have():
+    # Two presses are one repeat however many depths they have
     found = with_contact_point(pressed("press", [0.0, 0.01], np.linspace(0.2, 1.0, 12)))
     assert (found.press_depth_mm == 0.02).all() and "assumed" in found.cannot_know[0]
 

@@ -21,8 +21,13 @@ def between(first, second, share):
     return {axis: first[axis] + share * (second[axis] - first[axis]) for axis in first}
 
 
-def test_a_place_that_was_tried_is_itself():
+def test_a_place_tried_or_beyond_is_the_nearest_one():
     assert places.shares(TRIED[7], TRIED) == {7: 1.0}
+
+    # Beyond the outermost place is that place
+    corner = min(TRIED, key=lambda place: place["x_mm"] + place["y_mm"])
+    beyond = {**corner, "x_mm": corner["x_mm"] - 1, "y_mm": corner["y_mm"] - 1}
+    assert places.shares(beyond, TRIED) == {TRIED.index(corner): 1.0}
 
 
 @pytest.mark.parametrize("share", [0.25, 0.5])
@@ -31,13 +36,7 @@ def test_half_way_is_half_of_either(share):
     assert found == {6: pytest.approx(1 - share), 7: pytest.approx(share)}
 
 
-def test_beyond_the_outermost_place_is_that_place():
-    corner = min(TRIED, key=lambda place: place["x_mm"] + place["y_mm"])
-    beyond = {**corner, "x_mm": corner["x_mm"] - 1, "y_mm": corner["y_mm"] - 1}
-    assert places.shares(beyond, TRIED) == {TRIED.index(corner): 1.0}
-
-
-def test_slopes_are_those_of_columns_that_are_linear_in_the_place():
+def test_slopes_are_those_of_columns_linear_in_the_place_within_the_layers():
     problem = problem_of(artificial.context(61, per_side=3), left_out=())
     rows = np.linspace(0, 1, len(problem.labels))[:, None]
     balls = [
@@ -52,6 +51,14 @@ def test_slopes_are_those_of_columns_that_are_linear_in_the_place():
             assert found[axis].columns == pytest.approx(slope * rows)
             assert 1 < found[axis].half <= places.SPACING / 2
             assert found[axis].low < 0 < found[axis].high
+
+    # A ball grows no further than the layers
+    balls = [c for c in problem.candidates if c.name == "void"]
+    sizes = sorted({place["radius_mm"] for place in TRIED})
+    for ball in balls:
+        slope = slopes(ball, balls)["radius_mm"]
+        reach = [ball.shape["radius_mm"] + end for end in (slope.low, slope.high)]
+        assert reach[1] == pytest.approx(sizes[1]) and 0 < reach[0] <= sizes[0]
 
 
 def bubble(context, place, amount=1.0):
@@ -135,16 +142,6 @@ def test_a_refit_finds_how_large_the_bubble_is(share):
     assert away(found.shape, there) < 0.05 * spacing
 
 
-def test_a_ball_grows_no_further_than_the_layers():
-    problem = problem_of(artificial.context(61, per_side=3), left_out=())
-    balls = [c for c in problem.candidates if c.name == "void"]
-    sizes = sorted({place["radius_mm"] for place in TRIED})
-    for ball in balls:
-        slope = slopes(ball, balls)["radius_mm"]
-        reach = [ball.shape["radius_mm"] + end for end in (slope.low, slope.high)]
-        assert reach[1] == pytest.approx(sizes[1]) and 0 < reach[0] <= sizes[0]
-
-
 @pytest.mark.thorough
 def test_beside_another_effect_the_place_is_fitted_too():
     """Its linear change is then that of its own place, not of the one that was tried."""
@@ -171,7 +168,7 @@ def test_beside_another_effect_the_place_is_fitted_too():
     assert off[0] < 0.6 * off[1]
 
 
-def test_what_has_been_found_errs_less_than_what_was_tried():
+def test_errors_are_of_form_once_a_place_is_found():
     """In form as others do, and no more towards the next places."""
     problem = replace(problem_of(artificial.context(65, per_side=3), left_out=()), change_error=0.1)
     part = next(c for c in problem.candidates if c.name == "void" and c.tried == TRIED[12])
@@ -183,8 +180,7 @@ def test_what_has_been_found_errs_less_than_what_was_tried():
     assert found[:, :6] == pytest.approx(tried[:, :6] * FORM_ERRORS[1] / PLACE_ERROR)
     assert tried[:, next_to].any() and not found[:, next_to].any()
 
-
-def test_all_physics_errs_by_its_form_and_a_wrong_entry_by_nothing():
+    # All physics errs by its form and a wrong entry by nothing
     problem = replace(problem_of(artificial.context(65, per_side=3), left_out=()), change_error=0.15)
     names = ("misregistration", "force_hysteresis", "force_gain", "force_unit")
     parts = [next(c for c in problem.candidates if c.name == name) for name in names]

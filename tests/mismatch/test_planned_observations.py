@@ -52,7 +52,7 @@ def test_the_spread_of_what_is_cut_at_its_range_is_read_from_the_other_side():
     assert spread(0.5, 0.0, top) == spread(1.6, top, top) == width
 
 
-def test_planned_readings_are_every_cell_at_every_depth_in_random_order():
+def test_planned_readings_are_those_that_would_be_judged():
     planned = planned_observations(STUDY, dwell_s=(1.0, 2.0), ways_up=(0.5,), ages_days=(0.0, 30.0))
     table = planned.table
     presses = table.drop_duplicates("press")
@@ -67,8 +67,7 @@ def test_planned_readings_are_every_cell_at_every_depth_in_random_order():
         not planned.press_depth_mm.any() and planned.session_depth_mm.all()
     )  # as session.yaml has it by default
 
-
-def test_planned_readings_are_those_that_would_be_judged():
+    # Planned readings are those that would be judged
     few = study_from(
         merged(
             STUDY.model_dump(mode="json"),

@@ -80,9 +80,7 @@ def test_every_reading_is_at_its_own_site_depth_and_phase():
             assert of == way and run.x_mm == loading.x_mm and run.depths_mm[back] == row.depth_mm
             assert run.phases[back] == "unload" and max(run.depths_mm) == row.deepest_mm
 
-
-def test_ways_down_hold_every_depth_that_is_read_at_their_site():
-    found = observations()
+    # Ways down hold every depth that is read at their site
     for site, planned in enumerate(runs_of(found).ways):
         read = found.table.loc[found.table["site"] == site, "depth_mm"]
         assert planned.depths_mm == tuple(np.unique(read)) and not planned.phases

@@ -9,15 +9,14 @@ from gelforge.mismatch.material.material_effects import LONGEST_STEP, flow, here
 RATES = np.array([1e-3, 0.1, 3.0])
 
 
-def test_what_is_held_relaxes_as_the_closed_form_does():
+def test_a_hold_relaxes_and_a_ramp_flows_as_the_closed_forms_do():
     """tanh(y / 2) decays exponentially, from whatever stress a fast strain has left."""
     t = np.r_[0.0, np.geomspace(1e-3, 1e3, 40)]
     found = flow(t, np.full(len(t), 0.3), 0.0, np.full(3, 0.1), RATES)
     expected = 2 * np.arctanh(np.tanh(1.5) * np.exp(-RATES * t[:, None]))
     np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-9, atol=1e-12)
 
-
-def test_a_steady_ramp_ends_at_its_flow_stress():
+    # A steady ramp ends at its flow stress
     t = np.linspace(0, 40, 400)
     found = flow(t, 0.2 * t, 0.0, np.full(3, 0.05), RATES)[-1]
     expected = np.arcsinh(0.2 / (0.05 * RATES))
@@ -41,11 +40,15 @@ def test_beside_an_integrator_from_outside():
         np.testing.assert_allclose(found[:, k], solved.y[0], atol=0.01)
 
 
-def test_at_little_stress_it_is_a_maxwell_element():
+def test_little_stress_is_a_maxwell_element_and_much_stays_finite():
     t = np.linspace(0, 10, 300)
     strain = 1e-3 * np.sin(t)
     found = flow(t, strain, 0.0, np.ones(3), RATES)
     np.testing.assert_allclose(found, hereditary(t, strain, 1 / RATES, 0.0), atol=1e-5)
+
+    # A stress far beyond the flow stress stays finite
+    found = flow(np.array([0.0, 1.0]), np.array([0.0, 500.0]), 0.0, np.ones(1), np.array([1e-8]))
+    assert found[-1, 0] == pytest.approx(np.arcsinh(500 / 1e-8), abs=LONGEST_STEP**2)
 
 
 @pytest.mark.parametrize("steps", [2, 7])
@@ -54,8 +57,3 @@ def test_rows_that_lie_far_apart_are_walked_in_steps(steps):
     many = np.linspace(0, 1, 600)
     last = [flow(t, t, 0.0, np.full(3, 0.02), RATES)[-1] for t in (few, many)]
     np.testing.assert_allclose(*last, atol=LONGEST_STEP**2)
-
-
-def test_a_stress_far_beyond_the_flow_stress_stays_finite():
-    found = flow(np.array([0.0, 1.0]), np.array([0.0, 500.0]), 0.0, np.ones(1), np.array([1e-8]))
-    assert found[-1, 0] == pytest.approx(np.arcsinh(500 / 1e-8), abs=LONGEST_STEP**2)

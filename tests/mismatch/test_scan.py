@@ -28,15 +28,13 @@ def nulls(recording):
     return draws_of(covariance, np.random.default_rng(11), NULLS)
 
 
-def test_global_p_is_uniform_without_a_mismatch(recording, nulls):
+def test_global_p_is_uniform_without_a_mismatch_as_a_bootstrap_finds(recording, nulls):
     tests = [global_test(r, recording[2]) for r in nulls.T]
     assert kstest([one.p for one in tests], "uniform").pvalue > 1e-3  # seeded: wrong degrees give 1e-50
     for one in tests:  # a law of another width passes the test of uniformity
         assert one.p == pytest.approx(chi2.sf(one.chi2, one.degrees), rel=1e-9)
 
-
-def test_bootstrap_agrees_with_chi2(recording, nulls):
-    """The nuisances are part of the covariance, so draws of it have the chi-square law itself."""
+    # The nuisances are part of the covariance, so draws of it have the chi-square law itself.
     covariance = recording[2]
     r = draws_of(covariance, np.random.default_rng(12), 1)[:, 0] * 1.03
     tested = global_test(r, covariance)
@@ -146,15 +144,13 @@ def test_what_is_planted_is_found(recording, kind):
     assert found.best.snr > 5
 
 
-def test_a_bump_is_placed_at_its_site(recording):
+def test_bumps_and_steps_are_placed_where_they_are(recording):
     labels, base, covariance, atoms = recording
     r = bump(labels, base, 13.5, 18.5) + draws_of(covariance, np.random.default_rng(14), 1)[:, 0]
     best = scan(covariance.whiten(r), atoms, np.random.default_rng(0)).best
     assert np.hypot(best.region["x_mm"] - 13.5, best.region["y_mm"] - 18.5) < 3  # mm: the goal for a defect
 
-
-def test_steps_tell_when(recording):
-    labels, base, covariance, atoms = recording
+    # Steps tell when
     r = PLANTED["time"](labels, base) + draws_of(covariance, np.random.default_rng(15), 1)[:, 0]
     best = scan(covariance.whiten(r), atoms, np.random.default_rng(0)).best
     length = labels["time_s"].max()
@@ -162,7 +158,7 @@ def test_steps_tell_when(recording):
     assert best.region["axis"] == "x"
 
 
-def test_atoms_are_named_once_and_change_something(recording):
+def test_patterns_are_named_once_and_need_a_stated_order(recording):
     labels, base, _, _ = recording
     atoms = dictionary(labels, base)
     names = [one.name for one in atoms.patterns]
@@ -171,6 +167,14 @@ def test_atoms_are_named_once_and_change_something(recording):
     shares = [k for k, name in enumerate(names) if "share" in name]
     doubled = dictionary(labels, 2 * base).values
     np.testing.assert_allclose(doubled[:, shares], 2 * atoms.values[:, shares], rtol=1e-15)
+
+    # Presses whose order nobody stated have no presses before
+    labels = readings(grid(2)).observations.labels()
+    base = flat_base(readings(grid(2)))
+    told = [one.name for one in dictionary(labels, base).patterns if "indentations before" in one.name]
+    assert told and not [
+        one for one in dictionary(labels.assign(order=0), base).patterns if "indentations before" in one.name
+    ]
 
 
 def test_several_sessions_are_told_apart():
@@ -188,16 +192,7 @@ def test_several_sessions_are_told_apart():
     }  # age goes with it
 
 
-def test_presses_whose_order_nobody_stated_have_no_presses_before():
-    labels = readings(grid(2)).observations.labels()
-    base = flat_base(readings(grid(2)))
-    told = [one.name for one in dictionary(labels, base).patterns if "indentations before" in one.name]
-    assert told and not [
-        one for one in dictionary(labels.assign(order=0), base).patterns if "indentations before" in one.name
-    ]
-
-
-def test_one_site_and_one_depth_can_be_scanned():
+def test_one_site_can_be_scanned_and_nothing_is_said():
     context = readings(grid(1), depths=(1.0,))
     labels, base = context.observations.labels(), flat_base(context)
     covariance = covariance_of(context)
@@ -209,8 +204,7 @@ def test_one_site_and_one_depth_can_be_scanned():
     )
     assert found.p == 1.0
 
-
-def test_nothing_to_scan_is_said():
+    # Nothing to scan is said
     context = readings(grid(1))
     labels, base = context.observations.labels(), flat_base(context)
     atoms = dictionary(labels, base)

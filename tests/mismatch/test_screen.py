@@ -196,7 +196,7 @@ def test_shapes_are_averaged_and_the_best_is_kept(world):
     assert judged.best_log_bayes_factor == pytest.approx(max(single))
 
 
-def test_a_switch_is_one_or_absent(world):
+def test_a_switch_is_one_or_absent_and_snr_is_that_of_the_change(world):
     covariance, candidates = world
     binary = candidates[-1]
     d = binary.columns[:, 0]
@@ -206,9 +206,7 @@ def test_a_switch_is_one_or_absent(world):
     assert judged.amounts == [1] and judged.covariance == [[0]]
     assert judged.snr == judged.plausible_snr == pytest.approx(np.linalg.norm(covariance.whiten(d)))
 
-
-def test_snr_is_that_of_the_change(world):
-    covariance, candidates = world
+    # Snr is that of the change
     r = drawn(RNG(9), covariance, candidates[4])[0]
     judged = screened(r, covariance, [candidates[4]], scales=AS_STATED)[0]
     assert_allclose(judged.change, candidates[4].columns @ judged.amounts)
@@ -236,7 +234,7 @@ def together(r, covariance, *parts):
     return judged_by(covariance.whiten(r), parts, [covariance.whiten(part.columns) for part in parts])
 
 
-def test_two_effects_at_once(world):
+def test_two_effects_are_taken_for_two_and_one_for_one(world):
     covariance, candidates = world
     by_name = {c.name: c for c in candidates}
     drift, late = by_name["force_drift"], by_name["late"]
@@ -257,13 +255,10 @@ def test_two_effects_at_once(world):
     )
     assert pair.log_bayes_factor == pytest.approx(joint[0])
 
-
-def test_one_effect_is_not_taken_for_two(world):
-    covariance, candidates = world
+    # One effect is not taken for two
     drift = next(c for c in candidates if c.name == "force_drift")
     r = drift.columns @ [0.06, -0.06, 0.06] + draws_of(covariance, RNG(13), 1)[:, 0]
     single = screened(r, covariance, candidates, scales=AS_STATED)
-    dearer = log_prior(1, len(single)) - log_prior(2, len(single))
     for other in candidates:
         if other.name != "force_drift":
             pair = together(r, covariance, drift, other)
@@ -291,7 +286,7 @@ def test_scales_of_plausible_amounts_are_averaged(world):
     assert judged.plausible_snr == pytest.approx(alone[0].plausible_snr)
 
 
-def test_a_change_that_errs_itself_is_judged_with_its_error(world):
+def test_errors_of_a_change_and_switches_are_judged_together(world):
     """ln N(r; 0, C + E E' + J W^2 J')."""
     covariance, candidates = world
     drift = candidates[4]
@@ -303,10 +298,7 @@ def test_a_change_that_errs_itself_is_judged_with_its_error(world):
     again = judged_under(wider, r, judged.parts)
     assert np.all(np.diag(again.covariance) >= np.diag(judged.covariance))
 
-
-def test_a_switch_and_an_amount_together(world):
-    """The amount is fitted to what the switch leaves: ln N(r; d, C + J W^2 J') - ln N(r; 0, C)."""
-    covariance, candidates = world
+    # The amount is fitted to what the switch leaves: ln N(r; d, C + J W^2 J') - ln N(r; 0, C).
     binary, drift = candidates[-1], candidates[4]
     d = binary.columns[:, 0]
     r = d + drift.columns @ [0.04, 0.0, -0.05] + draws_of(covariance, RNG(15), 1)[:, 0]

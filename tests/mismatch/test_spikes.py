@@ -72,15 +72,14 @@ def test_nothing_is_taken_from_what_an_effect_does(name):
     assert spikes(problem_of(context)) == {} and calmed(context) is context.observations
 
 
-def test_nothing_is_taken_from_what_all_readings_of_a_kind_share():
+def test_what_several_readings_share_is_no_glitch():
     """The first touch alone reads less, at all places alike."""
     base = artificial.context(7, per_side=3)
     table = base.observations.table
     first = (table["phase"] == "unload") & (table["depth_mm"] == table["depth_mm"].min())
     assert spikes(problem_of(struck(10.0, [(k, 2) for k in np.flatnonzero(first)]))) == {}
 
-
-def test_a_reading_that_falls_into_the_next_step_is_no_glitch():
+    # A reading that falls into the next step is no glitch
     base = artificial.context(7, per_side=3, noise_N=(0.0005,) * 3)
     seen, step = base.observations, 0.01
     rounded = np.rint(seen.force / step) * step
@@ -89,15 +88,13 @@ def test_a_reading_that_falls_into_the_next_step_is_no_glitch():
     )
     assert spikes(problem_of(replace(base, observations=seen))) == {}
 
-
-def test_several_of_one_press_are_no_glitch():
+    # Several of one press are no glitch
     press = artificial.context(7, per_side=3).observations.table["press"].eq("s1/p8")
     first, *_, last = np.flatnonzero(press)
     context = struck(15.0, [(first, 2), (last, 2)])
     assert calmed(context) is context.observations
 
-
-def test_what_strikes_many_presses_is_no_glitch():
+    # What strikes many presses is no glitch
     table = artificial.context(7, per_side=3).observations.table
     struck_at = table.groupby("press").head(1).index[::2]
     context = struck(25.0, [(k, 2) for k in struck_at])

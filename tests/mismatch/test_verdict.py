@@ -79,11 +79,10 @@ def content(**keys) -> dict:
     } | keys
 
 
-def test_schema_file_is_current():
+def test_the_schema_is_current_and_says_what_every_key_is():
     assert json.loads(Path("config/verdict_schema.json").read_text()) == schema()
 
-
-def test_every_key_says_what_it_is_and_numbers_their_unit():
+    # Every key says what it is and numbers their unit
     definitions = schema()["$defs"] | {"Verdict": schema()}
     for name, definition in definitions.items():
         for key, described in definition["properties"].items():
@@ -133,7 +132,7 @@ def test_a_verdict_cannot_say_more_than_its_numbers(keys, words):
     assert words in f"{where} {refused.value}"
 
 
-def test_each_other_state_has_its_form():
+def test_each_state_has_its_form_and_no_further_condition():
     for state in ("consistent", "inconclusive", "unexplained"):
         assert Verdict.model_validate(content(state=state, answer=[])).state == state
     unsure = [{"members": ["gel_stiffness"], "alternatives": ["friction"], "probability": 0.6}]
@@ -144,14 +143,12 @@ def test_each_other_state_has_its_form():
     for state in ("unexplained", "inconclusive"):
         assert Verdict.model_validate(content(state=state)).answer  # the leading explanation is kept
 
-
-def test_neither_odds_within_a_group_nor_the_held_out_gain_is_a_condition_of_a_name():
+    # Neither odds within a group nor the held out gain is a condition of a name
     both = [{"members": ["gel_stiffness", "friction"], "probability": 0.95}]
     fit = content()["fit"] | {"held_out": None}
     assert Verdict.model_validate(content(answer=both, fit=fit)).identified
 
-
-def test_what_is_not_sure_may_stand_beside_what_is():
+    # What is not sure may stand beside what is
     found = content(
         answer=[
             {"members": [name], "probability": p} for name, p in (("gel_stiffness", 0.97), ("friction", 0.6))
@@ -194,37 +191,6 @@ def written(folder: Path, tables: dict) -> Verdict:
     return verdict
 
 
-def test_tables_come_back(tmp_path):
-    patches = pd.DataFrame({"x_mm": [3.0], "y_mm": [3.0], "z_mm": [-1.0], "change": [0.1], "sigma": [0.3]})
-    written(tmp_path, {READINGS: readings(), BODY_MAP: None})
-    found = read_table(tmp_path, READINGS)
-    assert found.loc[0, ["press", "axis", "measured_N"]].tolist() == ["7", "z", -0.4]
-    assert found[["after_N", "after_sigma_N"]].isna().all(axis=None)
-    assert read_table(tmp_path, BODY_MAP) is None
-    verdict = written(tmp_path, {READINGS: readings(), BODY_MAP: patches})
-    pd.testing.assert_frame_equal(read_table(tmp_path, BODY_MAP), patches)
-    assert set(verdict.tables) == {READINGS, BODY_MAP}
-    written(tmp_path, {READINGS: readings(), BODY_MAP: None})
-    assert not (tmp_path / BODY_MAP).exists()  # of the verdict before
-
-
-def test_a_detection_limit_that_nothing_reaches_is_an_empty_cell(tmp_path):
-    limit = {"effect": "refraction", "parameter": "index", "unit": "-", "plausible": 0.05}
-    limits = [DetectionLimit(**limit, amount=None), DetectionLimit(**limit, amount=0.0312)]
-    written(tmp_path, {LIMITS: limits_table(limits)})
-    assert (tmp_path / LIMITS).read_text().splitlines()[1] == "refraction,index,-,,0.05"
-    assert read_table(tmp_path, LIMITS)["amount"].isna().tolist() == [True, False]
-
-
-def test_a_table_has_the_columns_that_are_documented_and_no_other(tmp_path):
-    write_tables(tmp_path, {READINGS: readings().assign(own=1)})
-    plain = pd.read_csv(tmp_path / READINGS)
-    assert list(plain) == [
-        *("session", "press", "site", "phase", "axis", "held_out"),
-        *("x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N", "time_s", "after_N"),
-    ]
-
-
 def flipped(path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
@@ -255,7 +221,35 @@ def test_a_table_that_is_not_the_verdicts_is_refused_with_its_remedy(tmp_path, d
             assert verdict.tables[READINGS][:12] in str(refused.value)
 
 
-def test_a_table_without_its_columns_is_not_written(tmp_path):
+def test_tables_come_back_with_their_columns(tmp_path):
     with pytest.raises(VerdictError, match=r"sigma_N.*missing"):
         write_tables(tmp_path, {READINGS: readings().drop(columns="sigma_N")})
     assert not (tmp_path / "readings.csv").exists()
+
+    # Tables come back
+    patches = pd.DataFrame({"x_mm": [3.0], "y_mm": [3.0], "z_mm": [-1.0], "change": [0.1], "sigma": [0.3]})
+    written(tmp_path, {READINGS: readings(), BODY_MAP: None})
+    found = read_table(tmp_path, READINGS)
+    assert found.loc[0, ["press", "axis", "measured_N"]].tolist() == ["7", "z", -0.4]
+    assert found[["after_N", "after_sigma_N"]].isna().all(axis=None)
+    assert read_table(tmp_path, BODY_MAP) is None
+    verdict = written(tmp_path, {READINGS: readings(), BODY_MAP: patches})
+    pd.testing.assert_frame_equal(read_table(tmp_path, BODY_MAP), patches)
+    assert set(verdict.tables) == {READINGS, BODY_MAP}
+    written(tmp_path, {READINGS: readings(), BODY_MAP: None})
+    assert not (tmp_path / BODY_MAP).exists()  # of the verdict before
+
+    # A detection limit that nothing reaches is an empty cell
+    limit = {"effect": "refraction", "parameter": "index", "unit": "-", "plausible": 0.05}
+    limits = [DetectionLimit(**limit, amount=None), DetectionLimit(**limit, amount=0.0312)]
+    written(tmp_path, {LIMITS: limits_table(limits)})
+    assert (tmp_path / LIMITS).read_text().splitlines()[1] == "refraction,index,-,,0.05"
+    assert read_table(tmp_path, LIMITS)["amount"].isna().tolist() == [True, False]
+
+    # A table has the columns that are documented and no other
+    write_tables(tmp_path, {READINGS: readings().assign(own=1)})
+    plain = pd.read_csv(tmp_path / READINGS)
+    assert list(plain) == [
+        *("session", "press", "site", "phase", "axis", "held_out"),
+        *("x_mm", "y_mm", "depth_mm", "measured_N", "base_N", "sigma_N", "time_s", "after_N"),
+    ]

@@ -78,19 +78,17 @@ def test_heavy_tails_are_seen_in_them():
         assert len(said) == 1 and "all indentations together" in said[0]
 
 
-def test_presses_with_zero_rows_of_their_own_are_not_taken_together():
+def test_few_own_or_constant_zero_rows_leave_the_noise_to_what_is_stated():
     for zeros, together in ((1, True), (2, False), (3, False)):
         assert (zeros_together(recording(np.random.default_rng(0), zeros=zeros)) is not None) == together
     assert zeros_together(recording(np.random.default_rng(0), presses=LEAST_FREEDOM - 1)) is None
 
-
-def test_few_zero_rows_leave_the_noise_to_what_is_stated():
+    # Few zero rows leave the noise to what is stated
     one = recording(np.random.default_rng(0), presses=11, wander=0.01, stated=0.05)
     noise, _, (freedom, _), said = reading_noise(one, zeros_together(one).repeats)
     assert (noise == 0.05).all() and freedom == np.inf and "stated repeatability" in said[0]
 
-
-def test_a_force_sensor_that_never_changes_has_no_noise_of_its_own():
+    # A force sensor that never changes has no noise of its own
     one = recording(np.random.default_rng(0), step=1.0)
     noise, rounding, _, _ = reading_noise(one, zeros_together(one).repeats)
     assert noise == pytest.approx([0.1] * 3) and rounding == pytest.approx([1 / np.sqrt(12)] * 3)

@@ -20,28 +20,25 @@ PINHOLE = {
 coordinate = st.floats(-20, 20)
 
 
-def test_similar_triangles():
+def test_a_pinhole_projects_by_similar_triangles():
     # 2 mm to the right and 1 mm up at a distance of 40 mm: 400 * 2 / 40 = 20 px and 10 px
     pixels, distance = project(Camera(**PINHOLE, mirrored=True), [[16, 16, 0], [18, 17, 0], [18, 17, -20]])
     assert_allclose(pixels, [[319.5, 239.5], [339.5, 229.5], [359.5, 219.5]], rtol=1e-14)
     assert_allclose(distance, [40, 40, 20])
 
-
-def test_unmirrored_image_is_what_an_eye_below_sees():
+    # Unmirrored image is what an eye below sees
     # Looking up with y upwards in the image, x runs to the left: the image's right, down and the view are right-handed.
     camera = Camera(**PINHOLE, mirrored=False)
     pixels, _ = project(camera, [[18, 17, 0]])
     assert_allclose(pixels, [[299.5, 229.5]])
 
-
-def test_a_turn_about_z_turns_the_image():
+    # A turn about z turns the image
     camera = Camera(**PINHOLE, rotation_deg=[0, 0, 90])
     # the camera's right now points along y: a point at +y appears to the right
     pixels, _ = project(camera, [[16, 18, 0]])
     assert_allclose(pixels, [[339.5, 239.5]], atol=1e-9)
 
-
-def test_a_tilted_camera_sees_the_point_on_its_axis_in_the_middle():
+    # A tilted camera sees the point on its axis in the middle
     tilt = np.deg2rad(10)
     camera = Camera(**PINHOLE, rotation_deg=[0, 10, 0])  # about y: the view turns towards +x
     on_axis = np.array([16, 16, -40]) + 40 * np.array([np.sin(tilt), 0, np.cos(tilt)])
@@ -49,13 +46,16 @@ def test_a_tilted_camera_sees_the_point_on_its_axis_in_the_middle():
     assert_allclose(pixels, [319.5, 239.5], atol=1e-9)
     assert_allclose(distance, 40)
 
-
-def test_a_flat_scale_ignores_depth():
+    # A flat scale ignores depth
     camera = Camera(
         width_px=100, height_px=100, mm_per_px=0.1, centre_px=[50, 50], position_mm=[16, 16, 0], mirrored=True
     )
     pixels, _ = project(camera, [[17, 16, 0], [17, 16, -6]])
     assert_allclose(pixels, [[60, 50], [60, 50]])
+
+    # Scale at a plane
+    assert_allclose(mm_per_px_at(Camera(**PINHOLE), -4.0), 36 / 400)
+    assert_allclose(px_per_mm(Camera(**PINHOLE), [[20.0, 11.0, -4.0]]), 400 / 36, rtol=1e-9)
 
 
 @given(
@@ -76,12 +76,6 @@ def test_there_and_back(xy, z, turns, mirrored, flat):
 def test_a_point_behind_the_camera_is_named():
     with pytest.raises(CameraError, match=r"5 mm behind the camera"):
         project(Camera(**PINHOLE), [[16, 16, -45]])
-
-
-@pytest.mark.parametrize("scale", [{"focal_px": None}, {"mm_per_px": 0.1}])
-def test_a_camera_has_one_scale(scale):
-    with pytest.raises(ValueError, match="not both or neither"):
-        Camera(**(PINHOLE | scale))
 
 
 # Lenses with what a wide-angle board camera has; fisheye as its calibration would give it.
@@ -141,8 +135,7 @@ def test_rays_through_a_port_obey_snells_law():
     assert kept[0] > 0.4  # 27 degrees: not a ray along the axis
     assert_allclose(kept, kept[0], rtol=1e-12)
 
-
-def test_a_port_of_index_1_is_none_and_gel_seems_nearer_by_its_index():
+    # A port of index 1 is none and gel seems nearer by its index
     points = np.random.default_rng(1).uniform([4, 4, -6], [28, 28, 0], (50, 3))
     air = Camera(**PINHOLE, port=PORT | {"index": 1.0, "pane_index": 1.0})
     assert_allclose(project(air, points)[0], project(Camera(**PINHOLE), points)[0], atol=1e-10)
@@ -150,11 +143,6 @@ def test_a_port_of_index_1_is_none_and_gel_seems_nearer_by_its_index():
     # near the axis: 30 mm of air and 10 mm of gel seem to be 30 + 10 / 1.41 mm
     near = project(gel, [[16.001, 16, 0]])[0] - gel.centre_px
     assert_allclose(near[0, 0], 400 * 0.001 / (30 + 10 / 1.41), rtol=1e-6)
-
-
-def test_scale_at_a_plane():
-    assert_allclose(mm_per_px_at(Camera(**PINHOLE), -4.0), 36 / 400)
-    assert_allclose(px_per_mm(Camera(**PINHOLE), [[20.0, 11.0, -4.0]]), 400 / 36, rtol=1e-9)
 
 
 def test_far_points_stay_outside_where_the_polynomial_turns_back():
@@ -173,6 +161,8 @@ def test_far_points_stay_outside_where_the_polynomial_turns_back():
         ({"distortion": {"coefficients": [0.1, 0.2]}}, "2 coefficients; model pinhole has k1, k2, p1, p2"),
         ({"port": {"z_mm": -45.0, "index": 1.4}}, "is not below port.z_mm -45"),
         ({"focal_px": None, "mm_per_px": 0.1, "port": {"z_mm": -6.0, "index": 1.4}}, "port belongs to a pinhole"),
+({"focal_px": None}, "not both or neither"),
+({"mm_per_px": 0.1}, "not both or neither"),
     ],
 )  # fmt: skip
 def test_lenses_and_ports_that_cannot_be_are_refused(keys, words):

@@ -80,7 +80,7 @@ def test_uniform_flow_has_its_length_and_direction_with_v_downwards(u, v, direct
     assert_allclose(features[16:], direction, atol=1e-6)  # pi, never -pi
 
 
-def test_regions_go_row_by_row_from_the_top_left():
+def test_regions_share_the_flow_by_area_and_direction():
     flow = uniform(0, 0, (40, 60))
     flow[0:20, 30:45] = [3, 0]  # of 2 x 4 regions of 20 x 15 px in a 4 x 4 layout: rows 0 and 1, column 2
     features = flow_features(flow, 4, 0.05)
@@ -88,8 +88,7 @@ def test_regions_go_row_by_row_from_the_top_left():
     wanted[:2, 2] = 3
     assert_allclose(features[:16].reshape(4, 4), wanted)
 
-
-def test_a_pixel_on_a_border_counts_by_area():
+    # A pixel on a border counts by area
     flow = uniform(0, 0, (3, 3))
     flow[1, 1] = [9, 0]  # a quarter of the middle pixel lies in each of 2 x 2 regions of 1.5 x 1.5 px
     assert_allclose(flow_features(flow, 2, 0.05)[:4], 9 * 0.25 / 2.25)
@@ -97,15 +96,13 @@ def test_a_pixel_on_a_border_counts_by_area():
     flow[0, 1] = [0, 9]  # half of the top middle pixel in each of the upper regions
     assert_allclose(flow_features(flow, 2, 0.05), [2, 2, 0, 0, np.pi / 2, np.pi / 2, 0, 0], rtol=1e-6)
 
-
-def test_pixels_that_hardly_moved_have_length_but_no_say_in_direction():
+    # Pixels that hardly moved have length but no say in direction
     flow = uniform(0.04, 0, (4, 4))
     assert_allclose(flow_features(flow, 1, 0.05), [0.04, 0], rtol=1e-6)
     flow[0, 0] = [0, -1]
     assert_allclose(flow_features(flow, 1, 0.05)[1], -np.pi / 2, rtol=1e-6)
 
-
-def test_direction_is_a_mean_of_unit_vectors():
+    # Direction is a mean of unit vectors
     flow = uniform(1, 0, (2, 2))
     flow[0] = [0, 100]  # long, but with one vote per pixel
     assert_allclose(flow_features(flow, 1, 0.05)[1], np.pi / 4, rtol=1e-6)
@@ -156,15 +153,13 @@ def test_features_of_a_session(tmp_path):
         assert all("units" in data.attrs and "description" in data.attrs for data in file.values())
 
 
-def test_threads_do_not_change_the_bytes(tmp_path):
+def test_features_follow_the_settings_and_not_the_threads(tmp_path):
     recording = read_recording(write_session(tmp_path / "day", images=True))
     for workers in (1, 3):
         session_features(recording, SETTINGS, tmp_path / f"{workers}.h5", workers=workers)
     assert (tmp_path / "1.h5").read_bytes() == (tmp_path / "3.h5").read_bytes()
 
-
-def test_other_settings_have_another_digest(tmp_path):
-    recording = read_recording(write_session(tmp_path / "day", images=True))
+    # Other settings have another digest
     digests = set()
     for moved in (0.05, 0.1):
         session_features(recording, Features(regions=8, moved_px=moved), tmp_path / "f.h5")

@@ -78,13 +78,12 @@ def test_agreement_with_digital_image_correlation(frame):
     assert np.sqrt(((found - wanted) ** 2).mean()) < 0.03
 
 
-def test_an_image_of_another_size_is_refused():
+def test_images_that_do_not_fit_or_cannot_be_read_are_refused(tmp_path):
     flow = Flow(np.zeros((110, 120), np.uint8), PRESET)
     with pytest.raises(ImageError, match="110 x 120 px, but the reference frame has 120 x 110 px"):
         flow(np.zeros((120, 110), np.uint8))
 
-
-def test_missing_and_undecodable_files_are_named(tmp_path):
+    # Missing and undecodable files are named
     with pytest.raises(ImageError, match=r"a\.png: the image is missing"):
         read_grey(tmp_path / "a.png")
     (tmp_path / "b.png").write_bytes(b"not an image")

@@ -52,6 +52,11 @@ HONEST = {
     "colour": {"finish": lambda p: cv2.cvtColor(p, cv2.COLOR_GRAY2BGR)},
     "dim": {"gain": lambda k: 0.3, "noise": 0.5},
     "one depth": {"presses": [(place, 1.0) for place in PLACES for _ in range(3)]},
+    "at rest without noise": {
+        "noise": 0.0,
+        "images": 3,
+        "presses": [(PLACES[0], 1.0), (PLACES[0], 1.0), (PLACES[0], 0.5), (PLACES[0], 0.5001)],
+    },
     "one place, deeper each time": {"presses": [(PLACES[0], 0.2 * k) for k in range(1, 9)]},
 }
 
@@ -59,18 +64,6 @@ HONEST = {
 @pytest.mark.parametrize("name", HONEST)
 def test_an_honest_session_passes_without_a_word(name, tmp_path):
     assert found(write_image_session(tmp_path / "s", **HONEST[name])) == []
-
-
-def test_indentations_too_shallow_to_be_seen_are_told_and_pass(tmp_path):
-    shallow = [(place, 0.05) for place in PLACES for _ in range(3)]
-    folder = write_image_session(tmp_path / "s", presses=shallow, px_per_mm=0.1)
-    assert found(folder) == [("note", "image_in_step", "")]
-
-
-def test_images_at_rest_without_noise_may_repeat(tmp_path):
-    rest = [(PLACES[0], 1.0), (PLACES[0], 1.0), (PLACES[0], 0.5), (PLACES[0], 0.5001)]
-    folder = write_image_session(tmp_path / "s", noise=0.0, images=3, presses=rest)
-    assert found(folder) == []
 
 
 # ------------------------------------------------------------------------------------------ frames out of step
@@ -90,29 +83,10 @@ def test_frames_behind_their_readings_are_refused_with_the_lag(steps, images, wo
     refused(folder, rf"before contact move by .* px: frames lag the readings by {words} \(about .* s\)")
 
 
-def test_frames_ahead_of_their_readings_are_refused(tmp_path):
-    folder = write_image_session(tmp_path / "s", change=lambda names, pictures: pictures[1:] + pictures[:1])
-    refused(folder, "frames lead the readings by 1 image")
-
-
-def test_images_of_other_rows_are_refused(tmp_path):
-    def shuffled(names, pictures):
-        return [pictures[k] for k in np.random.default_rng(1).permutation(len(pictures))]
-
-    refused(write_image_session(tmp_path / "s", change=shuffled), "images belong to other rows, as flow")
-
-
 def test_a_session_that_the_laboratory_confirms_passes_with_notes(tmp_path):
     folder = write_image_session(tmp_path / "s", change=late(1), extra="confirmed: [image_in_step]\n")
     levels = {test: level for level, test, _ in found(folder)}
     assert levels["image_in_step"] == "note"
-
-
-def test_a_camera_that_looks_elsewhere_is_refused(tmp_path):
-    def elsewhere(names, pictures):
-        return [photograph(speckle(), seed=200 + k) for k in range(len(pictures))]
-
-    refused(write_image_session(tmp_path / "s", change=elsewhere), "do not respond to the indentations")
 
 
 # ------------------------------------------------------------------------------------------ single images
@@ -130,63 +104,47 @@ def test_black_and_white_images_are_left_out_by_name(look, grey, tmp_path):
     assert recording.readings.loc[recording.readings["excluded"] != "", "image"].to_list() == [""]
 
 
-def test_a_session_of_black_images_is_refused(tmp_path):
-    def black(names, pictures):
-        return [p if k < 4 else p // 100 for k, p in enumerate(pictures)]
-
-    refused(write_image_session(tmp_path / "s", change=black), "is black")
+def in_place_of(at, source):
+    """Return a change: another picture stands in the place of one."""
+    return lambda n, p: [*p[:at], p[source], *p[at + 1 :]]
 
 
-def test_an_image_that_exposes_itself_is_left_out(tmp_path):
-    folder = write_image_session(tmp_path / "s", gain=lambda k: 0.7 if k == 7 else 1.0)  # of p03 at depth
-    assert found(folder) == [("excluded", "image_exposure", "p03")]
+DEEP = [k for k, (_, depth) in enumerate(indentations()) if depth == max(DEPTHS)][-1]
+UNTOUCHED = photograph(speckle(), seed=300)
+SHALLOW = [(place, 0.05) for place in PLACES for _ in range(3)]
+FOUND = {
+    "too shallow to be seen": (
+        {"presses": SHALLOW, "px_per_mm": 0.1},
+        [("note", "image_in_step", "")],
+    ),
+    "exposed by itself": (
+        {"gain": lambda k: 0.7 if k == 7 else 1.0},
+        [("excluded", "image_exposure", "p03")],
+    ),
+    "frozen at depth": ({"change": in_place_of(9, 8)}, [("excluded", "image_repeats", "p04")]),
+    "pressed before touch": (
+        {"change": in_place_of(8, 5)},
+        [("excluded", "image_repeats", "p04"), ("excluded", "image_before_touch", "p04")],
+    ),
+    "deep without motion": (
+        {"change": put(**{f"p{DEEP:02d}_1": lambda p: UNTOUCHED})},
+        [("excluded", "image_grows", f"p{DEEP:02d}")],
+    ),
+    "late once in five": (
+        {
+            "images": 5,
+            "presses": indentations()[:4],
+            "change": lambda n, p: [p[k - (name == "p02_1.png")] for k, name in enumerate(n)],
+        },
+        [("excluded", "image_repeats", "p02"), ("excluded", "image_alike", "p02")],
+    ),
+}
 
 
-def test_exposure_that_follows_every_indentation_is_refused(tmp_path):
-    refused(write_image_session(tmp_path / "s", gain=lambda k: 0.75 if k % 2 else 1.0), "exposure or gain")
-
-
-def test_a_frozen_image_is_left_out(tmp_path):
-    folder = write_image_session(
-        tmp_path / "s", change=lambda names, pictures: [*pictures[:9], pictures[8], *pictures[10:]]
-    )
-    assert ("excluded", "image_repeats", "p04") in found(
-        folder
-    )  # at depth it equals the image before contact
-
-
-def test_a_camera_that_freezes_is_refused(tmp_path):
-    folder = write_image_session(tmp_path / "s", change=lambda n, p: p[:3] + [p[3]] * (len(p) - 3))
-    refused(folder, "image_repeats|frames|do not respond|before contact move")
-
-
-def test_one_image_before_touch_that_shows_an_indentation_is_left_out(tmp_path):
-    folder = write_image_session(
-        tmp_path / "s", change=lambda names, pictures: [*pictures[:8], pictures[5], *pictures[9:]]
-    )
-    assert ("excluded", "image_before_touch", "p04") in found(folder)
-
-
-def test_a_deep_indentation_whose_images_do_not_move_is_left_out(tmp_path):
-    deep = [k for k, (_, depth) in enumerate(indentations()) if depth == max(DEPTHS)][-1]
-    untouched = photograph(speckle(), seed=300)
-    folder = write_image_session(tmp_path / "s", change=put(**{f"p{deep:02d}_1": lambda p: untouched}))
-    assert found(folder) == [("excluded", "image_grows", f"p{deep:02d}")]
-
-
-def test_one_late_image_of_five_is_left_out(tmp_path):
-    def late_once(names, pictures):
-        return [
-            pictures[k - 1] if name == "p02_1.png" else p for k, (name, p) in enumerate(zip(names, pictures))
-        ]
-
-    folder = write_image_session(tmp_path / "s", images=5, presses=indentations()[:4], change=late_once)
-    assert ("excluded", "image_alike", "p02") in found(folder)
-
-
-def test_twelve_bits_saved_as_sixteen_are_refused(tmp_path):
-    folder = write_image_session(tmp_path / "s", finish=lambda p: p.astype(np.uint16) * 16)
-    refused(folder, "image of the reference frame spans 1[0-9] of 256 grey levels .* scale 10 and 12 bits")
+@pytest.mark.parametrize("name", FOUND)
+def test_a_single_image_that_cannot_be_is_left_out(name, tmp_path):
+    traits, findings = FOUND[name]
+    assert found(write_image_session(tmp_path / "s", **traits)) == findings
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg"])
@@ -235,8 +193,37 @@ def banded(amplitude):
     return change
 
 
-def test_bands_of_a_rolling_shutter_are_named(tmp_path):
-    refused(
-        write_image_session(tmp_path / "s", finish=banded(0.5)),
+REFUSED = {
+    "frames ahead": ({"change": lambda n, p: p[1:] + p[:1]}, "frames lead the readings by 1 image"),
+    "images of other rows": (
+        {"change": lambda n, p: [p[k] for k in np.random.default_rng(1).permutation(len(p))]},
+        "images belong to other rows, as flow",
+    ),
+    "a camera that looks elsewhere": (
+        {"change": lambda n, p: [photograph(speckle(), seed=200 + k) for k in range(len(p))]},
+        "do not respond to the indentations",
+    ),
+    "black images": (
+        {"change": lambda n, p: [p if k < 4 else p // 100 for k, p in enumerate(p)]},
+        "is black",
+    ),
+    "exposure that follows": ({"gain": lambda k: 0.75 if k % 2 else 1.0}, "exposure or gain"),
+    "a camera that freezes": (
+        {"change": lambda n, p: p[:3] + [p[3]] * (len(p) - 3)},
+        "image_repeats|frames|do not respond|before contact move",
+    ),
+    "twelve bits as sixteen": (
+        {"finish": lambda p: p.astype(np.uint16) * 16},
+        "image of the reference frame spans 1[0-9] of 256 grey levels .* scale 10 and 12 bits",
+    ),
+    "bands of a rolling shutter": (
+        {"finish": banded(0.5)},
         r"image .*\.png has bands of \+-\d+ % brightness .* rolling shutter .*multiples of 1/100 s",
-    )
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_images_that_cannot_be_of_the_readings_are_refused(name, tmp_path):
+    traits, words = REFUSED[name]
+    refused(write_image_session(tmp_path / "s", **traits), words)

@@ -46,13 +46,12 @@ def test_speckle_keeps_its_flow_bit_for_bit():
     )  # measured 0.21, as the search alone has
 
 
-def test_dim_speckle_is_texture_as_bright_speckle_is():
+def test_dim_speckle_is_texture_and_stripes_are_none():
     bright = photograph(SPECKLE, noise=0.4)
     dim = photograph(SPECKLE, noise=0.4, gain=0.15)
     assert textured(dim, 16).mean() > 0.9 * textured(bright, 16).mean()
 
-
-def test_stripes_are_no_texture_as_motion_along_them_is_not_seen():
+    # Stripes are no texture as motion along them is not seen
     stripes = np.tile(128 + 60 * np.sin(np.arange(SIZE[1]) / 3), (SIZE[0], 1))
     noisy = stripes + np.random.default_rng(0).normal(0, 2, stripes.shape)
     assert textured(np.rint(noisy).astype(np.uint8), 16).mean() < 0.01

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
-from fake_results import error_budget
+from fake_tables import error_budget
 from matplotlib.text import Text
 
 from gelforge.report.chapters.chapter import Chapter

@@ -23,7 +23,7 @@ ROWS = pd.DataFrame(
 )
 
 
-def test_table_has_median_and_largest_over_the_force():
+def test_table_and_band_are_of_both_parts():
     table = sigma_table(ROWS).set_index("depth [mm]")
     assert list(table["sites"]) == [2, 2]
     np.testing.assert_allclose(
@@ -34,8 +34,7 @@ def test_table_has_median_and_largest_over_the_force():
         [2.375, 4.0],
     )
 
-
-def test_band_is_two_sigma_of_both_parts_to_each_side():
+    # Band is two sigma of both parts to each side
     figure = error_bar_figure(ROWS[ROWS.cell == "a"], "centre")
     vertices = figure.axes[0].collections[0].get_paths()[0].vertices
     at_first = vertices[np.isclose(vertices[:, 0], 0.5), 1]
@@ -43,7 +42,7 @@ def test_band_is_two_sigma_of_both_parts_to_each_side():
     np.testing.assert_allclose([at_first.min(), at_first.max()], [0.09, 0.11])
 
 
-def test_chapter_names_the_laws_of_which_nothing_is_known(whole):
+def test_chapter_names_the_laws_of_which_nothing_is_known_or_the_missing_bars(whole):
     chapter = error_bars(StudyResults(*whole))
     picture, table = chapter.blocks
     assert (
@@ -52,6 +51,13 @@ def test_chapter_names_the_laws_of_which_nothing_is_known(whole):
     )
     # 24 of 25 cells converged; sigmas are 1 % and 0.4 % of the force in all of them
     assert table.rows[0] == ["0.5", "24", "1", "1", "0.4", "0.4"]
+
+    # A study without error bars says so
+    study = whole[0].model_copy(
+        update={"mechanics": whole[0].mechanics.model_copy(update={"error_bars": False})}
+    )
+    (note,) = error_bars(replace(StudyResults(*whole), study=study)).blocks
+    assert not note.missing and "mechanics.error_bars: false" in note.words
 
 
 @pytest.mark.parametrize("lacking", sorted(SIGMAS.values()))
@@ -63,11 +69,3 @@ def test_cells_without_error_bars_are_told(whole, tmp_path, lacking):
     results = replace(StudyResults(*whole), folder=tmp_path)
     (note,) = error_bars(results).blocks
     assert note.missing and "no solved site holds any" in note.words
-
-
-def test_a_study_without_error_bars_says_so(whole):
-    study = whole[0].model_copy(
-        update={"mechanics": whole[0].mechanics.model_copy(update={"error_bars": False})}
-    )
-    (note,) = error_bars(replace(StudyResults(*whole), study=study)).blocks
-    assert not note.missing and "mechanics.error_bars: false" in note.words

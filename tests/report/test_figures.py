@@ -40,7 +40,7 @@ def maps(cell):
     return 1.3 * true + 0.001, true
 
 
-def test_true_and_predicted_share_colour_limits_centred_at_zero(maps):
+def test_maps_share_colour_limits_and_put_bins_at_their_place(maps):
     figure = prediction_figure(*maps, 20, 20, (32.0, 32.0), (27.0, 16.0), 4.0)
     panels = [ax for ax in figure.axes if ax.collections and ax.get_title()]
     assert len(panels) == 9
@@ -53,8 +53,7 @@ def test_true_and_predicted_share_colour_limits_centred_at_zero(maps):
         assert high >= largest  # nothing is clipped
     assert texts(figure).count("[mN per bin]") == 3
 
-
-def test_map_puts_bin_k_at_its_place():
+    # Map puts bin k at its place
     force = np.zeros((12, 3))
     force[7, 2] = -1.0  # bin k = nx iy + ix: nx = 4, so ix = 3, iy = 1
     figure = prediction_figure(force, force, 4, 3, (8.0, 6.0), (7.0, 3.0), 1.0)
@@ -65,19 +64,25 @@ def test_map_puts_bin_k_at_its_place():
     np.testing.assert_allclose(corner, [6.0, 2.0])
 
 
-def test_total_force_figure_states_rms():
+def test_errors_and_losses_are_drawn_with_their_numbers():
     true = np.zeros((4, 3))
     true[:, 2] = [-1, -2, -3, -4]
     predicted = true + [0.0, 0.0, 0.1]
     assert "rms error 0.100 N" in texts(total_force_figure(predicted, true))
 
+    # Loss figure shows both losses over steps
+    loss = pd.DataFrame({"step": [8, 16, 20], "training": [1.0, 0.5, 0.2], "validation": [1.0, 0.6, 0.7]})
+    figure = loss_figure(loss)
+    for line, name in zip(figure.axes[0].lines, ("training", "validation")):
+        np.testing.assert_array_equal(line.get_xydata(), loss[["step", name]])
+    assert "optimiser step" in texts(figure)
 
-def test_contact_radius_is_the_chord_of_the_ball():
+
+def test_contact_radius_and_pressure_are_those_of_the_ball():
     assert touched_radius_mm(Indenter(), 2.0) == pytest.approx(4.0)  # 3-4-5 triangle
     assert touched_radius_mm(Indenter(), 0.0) == 0.0
 
-
-def test_contact_pressure_is_in_kPa():
+    # Contact pressure is in kPa
     force = np.array([[0.0, 0.0, -0.5], [0.3, 0.0, -0.4], [0.0, 0.0, 0.0]])
     pressure = contact_pressure_kPa(force, np.array([1.0, 2.0, 0.0]))
     np.testing.assert_allclose(pressure, [500.0, 250.0, 0.0])  # 1 N/mm2 = 1000 kPa
@@ -92,9 +97,7 @@ def test_boundary_edges_are_outline_and_interface():
     assert same == outline
     assert other == outline | {(1, 4)}
 
-
-def test_a_finer_neighbour_is_no_boundary_unless_it_is_another_region():
-    """A square of side 2 beside two of side 1: node 4 hangs on its edge (1, 2)."""
+    # A square of side 2 beside two of side 1: node 4 hangs on its edge (1, 2).
     xz = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [2, 1], [3, 0], [3, 1], [3, 2]], float)
     quads = np.array([[0, 1, 2, 3], [1, 5, 6, 4], [4, 6, 7, 2]])
     outline = {(0, 1), (2, 3), (0, 3), (1, 5), (5, 6), (6, 7), (2, 7)}
@@ -180,15 +183,14 @@ def test_residual_over_depth_shows_sign_and_band(whole):
     assert "F/T − FEM [N]" in texts(figure)
 
 
-def test_region_flow_directions():
+def test_region_flow_and_camera_footprint_lie_as_the_image_does():
     feature = np.zeros(8)  # 2 x 2 regions
     feature[1], feature[5] = 2.0, np.pi / 2  # region of row 0, column 1: 2 px downwards
     u, v, du, dv = region_flow(feature, (100, 200))
     assert (u[1], v[1]) == (149.5, 24.5)  # centre of the right upper quarter of 200 x 100 px
     np.testing.assert_allclose([du[1], dv[1]], [0.0, 2.0], atol=1e-12)  # cos(pi/2) in rounding
 
-
-def test_camera_footprint():
+    # Camera footprint
     corners = camera_footprint(fake_results.CAMERA)
     np.testing.assert_allclose(corners.mean(axis=0), [16.0, 16.0])
     np.testing.assert_allclose(np.ptp(corners, axis=0), 420 * 32 / 400)  # width_px z / f
@@ -202,7 +204,7 @@ def test_camera_footprint():
     np.testing.assert_allclose(np.ptp(cropped, axis=0), [210 * 32 / 400, 420 * 32 / 400])
 
 
-def test_sensor_figure_shows_plan_bins_and_camera(whole):
+def test_sensor_figure_shows_plan_bins_camera_and_dome(whole):
     study = whole[0]
     session = load_session(study.session_folder("day1") / "session.yaml")
     words = texts(sensor_figure(study, plan_cells(study), session))
@@ -217,8 +219,7 @@ def test_sensor_figure_shows_plan_bins_and_camera(whole):
         assert part in words
     assert "camera" not in texts(sensor_figure(study, plan_cells(study)))
 
-
-def test_sensor_figure_of_a_dome_shows_the_dome(whole):
+    # Sensor figure of a dome shows the dome
     sensor = load_study("config/smoke/dome.yaml").sensor
     study = whole[0].model_copy(update={"sensor": sensor})
     figure = sensor_figure(study, plan_cells(whole[0]))
@@ -231,14 +232,6 @@ def test_sensor_figure_of_a_dome_shows_the_dome(whole):
     low, high = (np.array(side.dataLim.get_points())[k, 0] for k in (0, 1))
     assert low < 1.0
     assert high > 23.0
-
-
-def test_loss_figure_shows_both_losses_over_steps():
-    loss = pd.DataFrame({"step": [8, 16, 20], "training": [1.0, 0.5, 0.2], "validation": [1.0, 0.6, 0.7]})
-    figure = loss_figure(loss)
-    for line, name in zip(figure.axes[0].lines, ("training", "validation")):
-        np.testing.assert_array_equal(line.get_xydata(), loss[["step", name]])
-    assert "optimiser step" in texts(figure)
 
 
 def test_stage_times_group_cells(tmp_path):

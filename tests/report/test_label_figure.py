@@ -33,7 +33,7 @@ def shard(tmp_path):
     return path
 
 
-def test_cell_label_defaults_to_the_deepest(whole):
+def test_cell_label_defaults_to_the_deepest_and_shows_totals_and_frame(whole):
     label = read_label(whole[1] / "cells" / "x4_y2.h5")
     assert label.depth_mm == 2.0
     assert label.position_mm == (27.0, 16.0)
@@ -42,8 +42,7 @@ def test_cell_label_defaults_to_the_deepest(whole):
     assert shallow.depth_mm == 0.5
     assert shallow.bin_force_N[:, 2].sum() > label.bin_force_N[:, 2].sum()  # both negative
 
-
-def test_label_figure_shows_totals_units_and_frame(whole):
+    # Label figure shows totals units and frame
     path = whole[1] / "cells" / "x4_y2.h5"
     figure = label_figure(path)
     words = [artist.get_text() for artist in figure.findobj(Text)]
@@ -77,7 +76,7 @@ def test_the_label_of_an_unrolled_dome_is_marked_where_its_position_lies_on_the_
     assert figure.axes[0].get_xlabel() == "x along the surface [mm]"
 
 
-def test_shard_row(shard):
+def test_shard_row_needs_its_manifest(shard):
     label = read_label(shard, 0)
     assert label.bins == (4, 3)
     assert label.widths_mm == (8.0, 6.0)
@@ -89,8 +88,7 @@ def test_shard_row(shard):
     assert "shard-00000.h5 row 1" in title
     assert figure._suptitle.get_window_extent().width < figure.bbox.width  # a long title is not cut
 
-
-def test_shard_without_manifest(shard):
+    # Shard without manifest
     (shard.parent / "manifest.json").unlink()
     with pytest.raises(LabelError, match=r"manifest.json: no such file; it says how large the sensor"):
         read_label(shard, 0)

@@ -28,7 +28,7 @@ def texts(ax):
     return " ".join(text.get_text() for text in ax.texts)
 
 
-def test_samples_mean_and_model_meet_in_the_panel(fitted):
+def test_samples_mean_and_model_meet_in_the_panel_of_tests_made(fitted):
     ax = fitted.axes[0]
     lines = ax.get_lines()
     assert [line.get_label() for line in lines if not line.get_label().startswith("_")] == [
@@ -43,8 +43,7 @@ def test_samples_mean_and_model_meet_in_the_panel(fitted):
     assert "2 specimens" in texts(ax)
     assert ax.get_ylabel() == "Cauchy stress [kPa]"
 
-
-def test_a_test_that_was_not_made_says_so_and_synthetic_tests_are_called_so(fitted):
+    # A test that was not made says so and synthetic tests are called so
     assert "not tested" in texts(fitted.axes[1])
     assert "SYNTHETIC" in fitted.get_suptitle()
     assert "E = 60.0 kPa" in fitted.get_suptitle()  # three times the shear modulus of 20 kPa

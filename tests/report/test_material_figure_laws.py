@@ -42,7 +42,7 @@ def test_all_laws_are_drawn_and_named(drawn):
     assert "mu = 20 kPa" in drawn.get_suptitle()
 
 
-def test_biaxial_curves_have_a_panel_with_both_stresses(drawn):
+def test_biaxial_curves_have_a_panel_and_residuals_are_in_per_cent(drawn):
     panel, residual = drawn.axes[3], drawn.axes[7]
     assert panel.get_title(loc="left") == "Biaxial tension"
     ends = sorted(line.get_ydata()[-1] for line in panel.get_lines())
@@ -51,8 +51,7 @@ def test_biaxial_curves_have_a_panel_with_both_stresses(drawn):
     assert len(residual.get_lines()) == 3  # two curves and zero
     assert "2 curves" in panel.texts[0].get_text()
 
-
-def test_residuals_are_model_minus_mean_in_per_cent(drawn):
+    # Residuals are model minus mean in per cent
     residual = drawn.axes[4]
     for line in residual.get_lines()[:2]:
         assert np.abs(line.get_ydata()).max() < 0.1  # the mean of 0.9 and 1.1 is the law

@@ -60,21 +60,19 @@ def test_the_sentence_stands_first_under_the_synthetic_banner(html):
     following = Verdict.model_validate(fake_verdict.fake_content()).next_step
     assert text[sentence + 1 : sentence + 3] == ["Next:", following]
 
-
-def test_articles_fit_the_words_that_are_put_in_after_them(html):
+    # Articles fit the words that are put in after them
     text = " ".join(parsed(html.split("<body>")[1]).text)
     assert re.findall(r"\b(?:[Aa]n [b-df-hj-np-tv-z]\w+|[Aa] [aeio]\w+)", text) == []
 
 
-def test_page_fetches_nothing_and_has_every_chapter(html):
+def test_page_fetches_nothing_and_every_figure_is_a_picture_under_a_sentence(html):
     links = parsed(html)
     assert all(target.startswith(("#", "data:")) for target in links.targets)
     assert not re.search(r"@import|url\(|<script", html)
     assert len(links.ids) == len(CHAPTERS)
     assert {f"#{key}" for key in links.ids} <= set(links.targets)
 
-
-def test_every_figure_is_a_picture_under_a_sentence(html):
+    # Every figure is a picture under a sentence
     pictures = parsed(html).pictures
     assert len(pictures) == 4  # maps, depth; in folds time and body
     for picture in pictures:
@@ -82,7 +80,7 @@ def test_every_figure_is_a_picture_under_a_sentence(html):
         assert len(picture["alt"].split()) >= 8
 
 
-def test_what_people_want_to_read_is_there(html):
+def test_what_people_want_to_read_is_there_with_shares(html):
     assert "held out" in section(html, "answer") and "grows with depth" in section(html, "where")
     answer = section(html, "answer").replace("\u00a0", " ")
     assert answer.index("gel stiffness") < answer.index("force gain") < answer.index("layer thickness")
@@ -96,9 +94,7 @@ def test_what_people_want_to_read_is_there(html):
     assert "far from its neighbours over depth" in unknown
     assert "SYNTHETIC: made by" in section(html, "origin")
 
-
-def test_members_have_their_share_and_no_probability_of_their_own(html):
-    answer = section(html, "answer").replace("\u00a0", " ")
+    # Members have their share and no probability of their own
     assert "62 %" not in answer  # of gel stiffness over all sets of effects
     assert "60 % of 97 %" in answer and "30 % of 97 %" in answer
 
@@ -133,7 +129,7 @@ def maps(figure):
     return found
 
 
-def test_newtons_have_a_scale_for_pressing_and_one_sideways_and_sigma_has_one(results):
+def test_maps_have_scales_and_frames_of_their_own(results):
     found = maps(mismatch_maps.before_after_figure(results))
     assert len(found) == 12
     means, noise = results.site_means, results.readings.groupby("axis")["sigma_N"].median()
@@ -148,9 +144,7 @@ def test_newtons_have_a_scale_for_pressing_and_one_sideways_and_sigma_has_one(re
         assert low == -high and high == pytest.approx(max(left, errors))
     assert found["Fx before N"].get_clim() != found["Fz before N"].get_clim()
 
-
-def test_a_map_in_sigma_is_of_the_residual_over_its_error(results):
-    found = maps(mismatch_maps.before_after_figure(results))
+    # A map in sigma is of the residual over its error
     table = results.readings[(results.readings["axis"] == "z") & (results.readings["phase"] == "load")]
     over = ((table["measured_N"] - table["base_N"]) / table["sigma_N"]).groupby(table["site"]).mean()
     assert_allclose(np.sort(found["Fz before σ"].get_array()), np.sort(over), rtol=1e-12)
@@ -158,13 +152,12 @@ def test_a_map_in_sigma_is_of_the_residual_over_its_error(results):
     rms = np.sqrt(np.mean(results.readings.query("axis == 'z'")["before"] ** 2))
     assert f"{rms:.2g} N" in title
 
-
-def test_held_out_sites_have_a_dark_frame(results):
+    # Held out sites have a dark frame
     for shown in maps(mismatch_maps.before_after_figure(results)).values():
         assert (np.asarray(shown.get_linewidths()) > 1).sum() == len(fake_verdict.ASIDE)
 
 
-def test_a_located_defect_is_circled(tmp_path):
+def test_defects_and_patches_are_drawn_where_they_are(tmp_path):
     content = fake_verdict.fake_content()
     defect = {"words": "void", "x_mm": 12.0, "y_mm": 20.0, "radius_mm": 2.0, "layer": "gel"}
     content["where"].append(defect)
@@ -172,8 +165,7 @@ def test_a_located_defect_is_circled(tmp_path):
     (circle,) = mismatch_maps.before_after_figure(found).axes[3].patches
     assert (circle.center, circle.radius) == ((12.0, 20.0), 2.0)
 
-
-def test_body_map_puts_each_patch_where_it_is(tmp_path):
+    # Body map puts each patch where it is
     patches = fake_verdict.fake_body_map()
     spot = (patches["x_mm"] == patches["x_mm"].max()) & (patches["y_mm"] == patches["y_mm"].min())
     patches["change"] = np.where(spot & (patches["z_mm"] == -3.0), 0.5, 0.0)
@@ -196,7 +188,7 @@ def test_body_map_puts_each_patch_where_it_is(tmp_path):
     assert mismatch_maps.is_known(patches).sum() == 1
 
 
-def test_depth_figure_shows_loading_unloading_and_bands(results):
+def test_curves_over_depth_and_time(results):
     figure = mismatch_curves.depth_figure(results)
     upper, lower = figure.axes[0], figure.axes[3]
     labels = upper.get_legend_handles_labels()[1]
@@ -210,8 +202,7 @@ def test_depth_figure_shows_loading_unloading_and_bands(results):
     assert len(set(sites)) == len(sites) == 3
     assert any(results.site_means.set_index("site").loc[[site], "held_out"].all() for site in sites)
 
-
-def test_time_figure_lays_sessions_end_to_end(results):
+    # Time figure lays sessions end to end
     table, ends = mismatch_curves._session_time(results.readings)
     assert [name for name, *_ in ends] == ["day1", "day2"]
     assert ends[1][1] > ends[0][2] > ends[0][1] == 0
@@ -314,16 +305,14 @@ def test_a_recording_of_one_axis_and_two_sites_is_drawn(tmp_path, time_s):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_readings_of_no_sensor_have_no_maps(tmp_path):
+def test_readings_without_sensor_or_measured_are_said(tmp_path):
     content = fake_verdict.fake_content() | {"sensor": None}
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
     html = write_mismatch_page(folder).read_text(encoding="utf-8")
     assert "No maps" in section(html, "answer")
     assert len(parsed(html).pictures) == 3
 
-
-@pytest.mark.usefixtures("undrawn")
-def test_measured_readings_are_not_called_synthetic(tmp_path):
+    # Measured readings are not called synthetic
     content = fake_verdict.fake_content() | {"synthetic": False, "title": "presses on a sensor"}
     folder = fake_verdict.write_fake_verdict(tmp_path, content)
     assert "SYNTHETIC" not in write_mismatch_page(folder).read_text(encoding="utf-8")
@@ -351,16 +340,14 @@ def test_a_table_that_was_edited_is_refused(tmp_path, name):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_studys_report_ends_with_the_verdict_and_the_way_to_its_page(whole):
+def test_the_studys_report_ends_with_the_verdict_or_what_is_missing(whole, tmp_path):
     chapter = mismatch(StudyResults(*whole))
     kinds = [block.kind for block in chapter.blocks]
     assert kinds == ["note", "picture", "link"]
     assert "The readings are SYNTHETIC." in chapter.blocks[0].words
     assert chapter.blocks[2].target == "mismatch/report.html"
 
-
-@pytest.mark.usefixtures("undrawn")
-def test_the_chapter_names_what_is_not_there(tmp_path):
+    # The chapter names what is not there
     study = fake_results.fake_study(tmp_path)
     chapter = mismatch(StudyResults(study, tmp_path / "results", tmp_path))
     assert chapter.blocks[0].missing and "verdict.json is not there" in chapter.blocks[0].words
@@ -375,14 +362,18 @@ def test_a_chance_is_never_a_bare_zero_or_one(chance, text):
     assert chance_text(chance) == text
 
 
-def test_words_for_amounts_and_p():
+def test_words_for_amounts_p_and_shapes():
     verdict = Verdict.model_validate(fake_verdict.fake_content())
     assert values_text(verdict.effects[1]) == "z -9 % (-10 to -7.7)"
     assert p_text(3e-9) == "p < 0.0001" and p_text(0.0411) == "p = 0.041"
 
-
-def test_amounts_stand_on_lines_of_their_own_and_break_before_a_bracket_only():
+    # Amounts stand on lines of their own and break before a bracket only
     assert unbroken("x +0.1 mm (-1 to 2); y 2") == "x\u00a0+0.1\u00a0mm (-1\u00a0to\u00a02)\ny\u00a02"
+
+    # Shapes are told with their units behind
+    assert shape_text({"x_mm": 9.0662, "y_mm": 13.0, "radius_mm": 1.8}) == "x 9.07 mm, y 13 mm; radius 1.8 mm"
+    assert shape_text({"part": "gel", "time_s": 69.0}) == "part gel, time 69 s"
+    assert shape_text({}) == ""
 
 
 @pytest.mark.parametrize(
@@ -397,9 +388,3 @@ def test_amounts_stand_on_lines_of_their_own_and_break_before_a_bracket_only():
 )
 def test_a_value_has_two_digits_and_its_unit(value, parameter, unit, text):
     assert in_unit(value, parameter, unit) == text
-
-
-def test_shapes_are_told_with_their_units_behind():
-    assert shape_text({"x_mm": 9.0662, "y_mm": 13.0, "radius_mm": 1.8}) == "x 9.07 mm, y 13 mm; radius 1.8 mm"
-    assert shape_text({"part": "gel", "time_s": 69.0}) == "part gel, time 69 s"
-    assert shape_text({}) == ""

@@ -40,15 +40,14 @@ def scattered(tmp_path_factory):
     return study, folder
 
 
-def test_curves_at_a_place_are_of_the_nearest_sites(scattered):
+def test_curves_at_a_place_are_of_the_nearest_sites_or_the_one_of_several_depths(scattered, whole):
     results = StudyResults(*scattered, None)
     sites, where = results.sites_at("centre")
     far = [np.hypot(c.x_mm - 16, c.y_mm - 16) for c in results.converged()]
     assert len(sites) == CURVE_SITES
     assert f"up to {sorted(far)[CURVE_SITES - 1]:.2g} mm from (16, 16) mm" in where
 
-
-def test_sites_of_several_depths_stand_alone(whole):
+    # Sites of several depths stand alone
     results = StudyResults(*whole)
     (site,), where = results.sites_at("centre")
     assert (site.x_mm, site.y_mm, where) == (16.0, 16.0, "(16, 16) mm")
@@ -77,14 +76,13 @@ def test_a_verdict_over_depth_is_of_the_sites_about_the_shown_one(tmp_path):
     assert f"and {CURVE_SITES - 1} sites up to" in figure.axes[0].get_title()
 
 
-def test_nearest_and_pooled_means():
+def test_neighbours_means_and_classes_of_depth():
     at = np.array([[0.0, 0], [1, 0], [2, 0], [3, 0], [4, 0], [10, 0]])
     chosen, distance = nearest(at, np.array([10.0, 0.0]), 2)
     assert (list(chosen), distance) == ([5, 4], 6.0)
     assert pooled_means(at, np.arange(6.0))[0] == 2.0  # of the five on the left
 
-
-def test_one_depth_each_is_of_most_sites():
+    # One depth each is of most sites
     depth = pd.Series([0.5, 1.0, 0.7, 0.9])
     assert one_depth_each(pd.Series(["a", "b", "c", "d"]), depth)
     assert not one_depth_each(pd.Series(["a", "a", "b", "b"]), depth)
@@ -92,8 +90,7 @@ def test_one_depth_each_is_of_most_sites():
         pd.Series(["a", "a", "a", "a"]), pd.Series([1.0] * 4)
     )  # a single site is its own
 
-
-def test_depths_are_classed_where_few_rows_share_one():
+    # Depths are classed where few rows share one
     grid = pd.Series(np.tile(np.arange(1, 13) / 10, 20))
     mean, names = depth_classes(grid)
     assert list(mean) == list(grid) and names[0.5] == "0.5"

@@ -58,14 +58,24 @@ def test_a_loss_that_still_falls_is_told(last, falls):
     assert ("more steps" in said) == falls
 
 
-def test_a_loss_of_two_passes_says_nothing():
+def test_what_is_not_known_or_of_no_use_is_not_said():
     assert "falling" not in network_words(*tables(), losses(0.5).iloc[[49, 99]])
 
-
-def test_without_a_pressed_row_nothing_is_said():
+    # Without a pressed row nothing is said
     baselines, *others = tables()
     baselines["RMSES_z_N"] = float("nan")
     assert "nothing can be said" in network_words(baselines, *others, None)
+
+    # The remedy is not given twice where the parts of the error are known
+    assert "would help" not in network_words(*tables(wall=0.02, trained=0.0008), None, has_budget=True)
+
+    # A table without training rows says nothing of them
+    baselines, by, reliability, errors = tables()
+    said = network_words(baselines, by, reliability, errors[errors["error"] == "RMSES"], None)
+    assert "training rows" not in said and "2 mm: 0.03 N" in said
+
+    # A poor network is not told that its sites are as good as others
+    assert "help little" not in network_words(*tables(own=0.05), None)
 
 
 @pytest.mark.parametrize("trained", [0.0008, 0.004])
@@ -73,17 +83,3 @@ def test_errors_on_simulated_rows_say_nothing_of_recordings(trained):
     said = network_words(*tables(trained=trained), None, only_simulated=True)
     assert "gelforge adapt" in said
     assert "More sites" not in said and "more steps" not in said
-
-
-def test_the_remedy_is_not_given_twice_where_the_parts_of_the_error_are_known():
-    assert "would help" not in network_words(*tables(wall=0.02, trained=0.0008), None, has_budget=True)
-
-
-def test_a_table_without_training_rows_says_nothing_of_them():
-    baselines, by, reliability, errors = tables()
-    said = network_words(baselines, by, reliability, errors[errors["error"] == "RMSES"], None)
-    assert "training rows" not in said and "2 mm: 0.03 N" in said
-
-
-def test_a_poor_network_is_not_told_that_its_sites_are_as_good_as_others():
-    assert "help little" not in network_words(*tables(own=0.05), None)

@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 from types import SimpleNamespace
 
 import fake_results
+import fake_tables
 import numpy as np
 import pytest
 
@@ -45,7 +46,7 @@ def parsed(html: str) -> Links:
     return links
 
 
-def test_page_fetches_nothing(page):
+def test_page_fetches_nothing_and_has_every_chapter(page):
     links = parsed(page[0])
     assert links.pictures
     followed = {"mismatch/report.html", "verification.html"}  # by a click, to files of the same results
@@ -53,15 +54,12 @@ def test_page_fetches_nothing(page):
         assert target.startswith(("#", "data:")), target
     assert not re.search(r"@import|url\(|<script", page[0])
 
-
-def test_every_chapter_is_in_the_contents(page):
-    links = parsed(page[0])
+    # Every chapter is in the contents
     anchors = [target[1:] for target in links.targets if target.startswith("#")]
     assert len(links.ids) == len(CHAPTERS)
     assert set(links.ids) <= set(anchors)
 
-
-def test_whole_study_misses_nothing(page):
+    # Whole study misses nothing
     assert page[1] == []
 
 
@@ -129,7 +127,7 @@ def not_the_articles(whole, tmp_path_factory):
         return folder, write_report(whole[0], whole[1], folder / "page.html")
 
 
-def test_verification_says_what_failed_and_its_table_is_a_page_of_its_own(not_the_articles):
+def test_verification_is_a_page_of_its_own_without_the_articles_numbers(not_the_articles):
     folder, _ = not_the_articles
     chapter = (
         (folder / "page.html").read_text().split('<section id="verification">')[1].split("</section>")[0]
@@ -140,8 +138,7 @@ def test_verification_says_what_failed_and_its_table_is_a_page_of_its_own(not_th
     assert "Hertz: force [N]" in own
     assert {"page.html#verification", "page.html#origin"} <= set(parsed(own).targets)
 
-
-def test_the_articles_numbers_stand_in_its_own_study_only(not_the_articles):
+    # The articles numbers stand in its own study only
     folder, missing = not_the_articles
     body = (folder / "page.html").read_text().split("</style>")[1]
     said = " ".join([*missing, *parsed(body).text])
@@ -165,14 +162,13 @@ def test_a_study_that_leaves_the_verdict_out_misses_none(tmp_path):
     assert "mismatch.judged: false" in (tmp_path / "page.html").read_text()
 
 
-def test_failed_cell_is_named_with_its_reason(page):
+def test_what_failed_or_was_left_out_is_named_with_its_reason(page):
     failed = page[0].split('<section id="failed">')[1].split("</section>")[0]
     assert fake_results.FAILED in failed
     assert "no equilibrium at 1 mm after 4 halvings" in failed
     assert "0.5" in failed  # the last good depth [mm]
 
-
-def test_what_was_left_out_of_a_recording_is_listed(page):
+    # What was left out of a recording is listed
     assert "Left out: force of 1 indentation" in page[0] and "No image is left out" in page[0]
     assert "p00003" in page[0] and "record without gaps" in page[0]
 
@@ -206,7 +202,7 @@ def test_labels_only_study_says_what_is_left_out(tmp_path):
     study = fake_results.fake_study(tmp_path, sessions=False)
     folder, paper = tmp_path / "results", tmp_path / "paper"
     fake_results.write_cells(study, folder)
-    fake_results.write_paper(paper)
+    fake_tables.write_paper(paper)
     missing = write_report(study, folder, tmp_path / "page.html", paper)
     said = "\n".join(missing)
     for what in (
@@ -229,7 +225,7 @@ def test_plan_without_centre_says_so(tmp_path):
         tmp_path, sessions=False, spacing=6.5
     )  # 4 x 4 positions, none at (16, 16)
     fake_results.write_cells(study, tmp_path / "results")
-    fake_results.write_paper(tmp_path / "paper")
+    fake_tables.write_paper(tmp_path / "paper")
     missing = write_report(study, tmp_path / "results", tmp_path / "page.html", tmp_path / "paper")
     assert any("No curve at the centre" in words for words in missing)
     assert any("No curve at the corner" in words for words in missing)
@@ -240,7 +236,7 @@ def test_other_sensor_is_not_compared_with_the_paper(tmp_path):
     study = fake_results.fake_study(tmp_path, sessions=False)
     study = study.model_copy(update={"indenter": study.indenter.model_copy(update={"radius_mm": 4.0})})
     fake_results.write_cells(study, tmp_path / "results")
-    fake_results.write_paper(tmp_path / "paper")
+    fake_tables.write_paper(tmp_path / "paper")
     missing = write_report(study, tmp_path / "results", tmp_path / "page.html", tmp_path / "paper")
     assert any("differs from the paper's" in words for words in missing)
     assert "published FEM" not in (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -278,12 +274,6 @@ def test_same_inputs_give_the_same_bytes(tmp_path):
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
-def test_time_per_stage_names_stages_and_units(page):
-    time = page[0].split('<section id="time">')[1].split("</section>")[0]
-    assert re.search(r">cells</td>\s*<td[^>]*>25<", time)
-    assert {"all jobs [s]", "largest memory [MB]"} <= set(re.findall(r"<th[^>]*>([^<]*)</th>", time))
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
     [
@@ -300,10 +290,14 @@ def test_cell_text(value, text):
     assert cell_text(value) == text
 
 
-def test_heading_puts_units_in_brackets():
+def test_headings_and_code_are_written_as_html():
     assert heading("x_N") == "x [N]"
     assert heading("low_95") == "low 95"
     assert heading("RMSES_x_N") == "RMSES x [N]"
+
+    # What stands between backticks is code and all else is escaped
+    assert code("`a < b` or <i>, 5`") == "<code>a &lt; b</code> or &lt;i&gt;, 5`"
+    assert code(3) == "3"
 
 
 def test_tables_have_the_papers_numbers_beside_them(whole):
@@ -311,7 +305,7 @@ def test_tables_have_the_papers_numbers_beside_them(whole):
     names = [*TABLES, "material"]
     table = {name: beside_paper(name, results.table(name), results.paper) for name in names}
     rmse = table["rmse"].set_index("error")
-    for error, published in fake_results.PAPER_ERRORS.items():
+    for error, published in fake_tables.PAPER_ERRORS.items():
         for axis, value in published.items():
             assert rmse.loc[error, f"paper_{axis}_N"] == value
     gt = table["rmse_gt"].set_index("axis")
@@ -331,10 +325,10 @@ def test_tables_have_the_papers_numbers_beside_them(whole):
     assert material[material.quantity == "R2 uniaxial"]["paper"].isna().all()
 
 
-def test_glance_counts_rows_of_the_dataset(page):
+def test_glance_and_time_count_rows_and_seconds(page):
     assert "124 rows (100 for training, 24 held out) in 1 shard" in page[0]
 
-
-def test_what_stands_between_backticks_is_code_and_all_else_is_escaped():
-    assert code("`a < b` or <i>, 5`") == "<code>a &lt; b</code> or &lt;i&gt;, 5`"
-    assert code(3) == "3"
+    # Time per stage names stages and units
+    time = page[0].split('<section id="time">')[1].split("</section>")[0]
+    assert re.search(r">cells</td>\s*<td[^>]*>25<", time)
+    assert {"all jobs [s]", "largest memory [MB]"} <= set(re.findall(r"<th[^>]*>([^<]*)</th>", time))

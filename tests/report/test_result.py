@@ -55,15 +55,14 @@ def test_a_study_without_any_result_has_no_table(tmp_path):
     assert "25 of 25 sites failed or are missing" in words.words
 
 
-def test_labels_without_error_bars_have_no_row(whole):
+def test_what_a_study_does_not_have_has_no_row(whole, tmp_path):
     mechanics = whole[0].mechanics.model_copy(update={"error_bars": False})
     results = replace(StudyResults(*whole), study=whole[0].model_copy(update={"mechanics": mechanics}))
     words, table = result(results).blocks
     assert "error bars of labels" in words.words
     assert not any("error bar" in row[0] for row in table.rows)
 
-
-def test_an_answer_that_is_none_is_not_named_in_the_opening(whole, tmp_path):
+    # An answer that is none is not named in the opening
     content = fake_verdict.fake_content() | {
         "state": "unexplained",
         "sentence": "No known cause explains it.",
@@ -99,12 +98,11 @@ def test_forces_of_bins_are_in_mN_and_totals_in_N(whole):
     assert list(shown["value"]) == [4.0, 0.03] and list(shown["unit"]) == ["mN", "N"]
 
 
-def test_no_number_of_a_bin_is_in_N_on_the_page(page):
+def test_bins_are_in_mN_and_caveats_folded_on_the_page(page):
     text = " ".join(parsed(page[0].split("<body>")[1]).text)
     assert "RMSES z [N]" not in text and "bins z [N]" not in text
 
-
-def test_caveats_of_material_tests_are_folded(page):
+    # Caveats of material tests are folded
     chapter = page[0].split('<section id="materials">')[1].split("</section>")[0]
     folds = re.findall(r"<details>.*?</details>", chapter, re.DOTALL)
     assert len(folds) == 3  # a material each, and the sites beyond the tested range
@@ -113,7 +111,7 @@ def test_caveats_of_material_tests_are_folded(page):
         assert words not in re.sub(r"<details>.*?</details>", "", chapter, flags=re.DOTALL)
 
 
-def test_a_fold_without_blocks_is_not_shown(tmp_path):
+def test_a_fold_without_blocks_is_not_shown_and_onnx_is_one_line(tmp_path):
     from gelforge.report.page import write_page
 
     chapter = Chapter("key", "Title")
@@ -121,8 +119,7 @@ def test_a_fold_without_blocks_is_not_shown(tmp_path):
     page = write_page(tmp_path / "page.html", "base.html", [chapter])
     assert "<details>" not in page.read_text()
 
-
-def test_a_comparison_with_onnx_runtime_is_one_line(tmp_path):
+    # A comparison with onnx runtime is one line
     results = SimpleNamespace(folder=tmp_path)
     chapter = Chapter("predictions", "Predictions")
     _tell_onnx(chapter, results)

@@ -31,11 +31,15 @@ def test_draws_are_within_their_limits_and_of_every_kind():
     assert any(path.tilts_deg for path in paths)
 
 
-def test_a_draw_depends_on_seed_and_number_only():
+def test_a_draw_depends_on_seed_and_number_and_must_fit():
     again = drawn_path(study_of(paths=7), 5)
     assert again.planned == drawn_path(STUDY, 5).planned
     assert again.planned != drawn_path(study_of(seed=1), 5).planned
     assert again.planned != drawn_path(STUDY, 6).planned
+
+    # What fits nowhere is refused
+    with pytest.raises(ConfigError, match="none of 200 draws fits"):
+        drawn_path(study_of(depth_mm=[5.5, 5.9]), 0)
 
 
 @pytest.mark.parametrize(
@@ -66,12 +70,7 @@ def test_twists_are_drawn_as_asked():
     assert max(np.abs(np.diff(twist)).max() for twist in twists) <= 2 + 1e-9
 
 
-def test_what_fits_nowhere_is_refused():
-    with pytest.raises(ConfigError, match="none of 200 draws fits"):
-        drawn_path(study_of(depth_mm=[5.5, 5.9]), 0)
-
-
-def test_sites_and_their_images_cover_the_sensor_up_to_the_margin():
+def test_sites_cover_the_sensor_with_and_without_symmetry():
     """On a symmetric sensor a triangle is solved; its images are the whole lattice."""
     study = study_of(sites=5)
     places = site_places(study)
@@ -81,8 +80,7 @@ def test_sites_and_their_images_cover_the_sensor_up_to_the_margin():
     assert np.min(list(images)) == pytest.approx(3.0)
     assert np.max(list(images)) == pytest.approx(29.0)
 
-
-def test_a_sensor_without_symmetry_is_solved_all_over():
+    # A sensor without symmetry is solved all over
     study = study_of(sites=3)
     oblong = study.model_copy(update={"sensor": study.sensor.model_copy(update={"width_y_mm": 26.0})})
     places = site_places(oblong)

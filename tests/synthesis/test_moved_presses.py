@@ -110,8 +110,7 @@ def test_a_depth_between_solved_ones_is_that_of_its_own_solution(straight):
     true = motion(cell, 1, PARTICLES)
     assert np.abs(press.moved(PARTICLES) - true).max() < 0.04 * np.abs(true).max()
 
-
-def test_places_and_depths_outside_the_solved_are_refused(straight):
+    # Places and depths outside the solved are refused
     with pytest.raises(ValueError, match="outside the solved"):
         straight.at(np.array([2.9, 16.0]), 0.5)
     with pytest.raises(ValueError, match="outside the solved"):

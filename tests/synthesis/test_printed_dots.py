@@ -90,12 +90,21 @@ def test_the_frame_of_dots_is_their_plane(solved):
     assert [volume.heights[0], volume.heights[-1]] == [-4.0, 0.0]
 
 
-def test_dots_move_as_the_solved_gel_does(straight, solved):
+def test_dots_move_and_bins_add_up_as_the_solved_gel_does(straight, solved):
     for number in (0, 4, 7):
         cell, true = solved[number], motion(solved[number], 9, PLACED)
         moved = straight.at(place_of(cell), 1.0).moved(PLACED)
         # interpolated linearly between grid lines of 0.06 mm beneath an indenter that elements of 0.5 mm resolve
         assert np.abs(moved - true).max() < 0.01 * np.abs(true).max()
+
+    # Bins add up to the solved force near a side
+    cell = solved[0]
+    press = straight.at(place_of(cell), 1.0)
+    np.testing.assert_allclose(
+        press.bins(STUDY.sensor).sum(axis=0), cell.arrays["total_force_N"][9], atol=1e-9
+    )
+    heavy = press.bins(STUDY.sensor)[:, 2].reshape(BINS[1], BINS[0])
+    assert np.unravel_index(heavy.argmin(), heavy.shape) == (2, 2)  # the bin at (5, 5) mm
 
 
 def test_a_press_and_that_of_the_sensor_with_x_and_y_swapped_are_one(straight):
@@ -111,16 +120,6 @@ def test_a_press_and_that_of_the_sensor_with_x_and_y_swapped_are_one(straight):
     np.testing.assert_allclose(bins, expected, atol=2e-5 * np.abs(expected).max())  # the solver's tolerance
     swapped = PLACED[:, [1, 0, 2]]
     np.testing.assert_allclose(other.moved(swapped)[:, [1, 0, 2]], one.moved(PLACED), atol=1e-5)
-
-
-def test_bins_add_up_to_the_solved_force_near_a_side(straight, solved):
-    cell = solved[0]
-    press = straight.at(place_of(cell), 1.0)
-    np.testing.assert_allclose(
-        press.bins(STUDY.sensor).sum(axis=0), cell.arrays["total_force_N"][9], atol=1e-9
-    )
-    heavy = press.bins(STUDY.sensor)[:, 2].reshape(BINS[1], BINS[0])
-    assert np.unravel_index(heavy.argmin(), heavy.shape) == (2, 2)  # the bin at (5, 5) mm
 
 
 def test_a_path_keeps_to_the_identity_where_the_sensor_has_no_symmetry(solved):

@@ -43,13 +43,12 @@ def shard(solved, tmp_path_factory):
     return out
 
 
-def test_a_shard_holds_its_rows_and_the_last_one_the_rest(shard, solved, tmp_path):
+def test_a_shard_holds_its_rows_and_repeats_its_bytes(shard, solved, tmp_path):
     write_rows(STUDY, 1, solved[0], tmp_path / "1.h5")
     assert [len(ShardDataset([path])) for path in (shard, tmp_path / "1.h5")] == [60, 20]
     assert shard_attributes(shard)["synthetic"]
 
-
-def test_the_same_number_gives_the_same_bytes(shard, solved, tmp_path):
+    # The same number gives the same bytes
     write_rows(STUDY, 0, solved[0], tmp_path / "0.h5")
     assert (tmp_path / "0.h5").read_bytes() == shard.read_bytes()
 

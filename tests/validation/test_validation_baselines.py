@@ -53,7 +53,7 @@ def test_posterior_is_that_of_one_normal_distribution():
     assert evidence == pytest.approx(-0.5 * (y @ weights + np.linalg.slogdet(C)[1]))
 
 
-def test_it_names_the_effect_that_is_there():
+def test_it_names_the_effect_that_is_there_and_no_other():
     one = table(lambda rows, base: 0.07 * base)
     state, answer, after = kennedy_ohagan(one, effects(one))
     assert state == "identified" and answer[0][0] == ("force_gain",) and answer[0][1] > 0.99
@@ -61,8 +61,7 @@ def test_it_names_the_effect_that_is_there():
     left = [np.abs(force - one.oracle)[held_out].max() for force in (after, one.base)]
     assert left[0] < 0.2 * left[1]
 
-
-def test_it_is_silent_of_nothing_and_reports_what_no_effect_is():
+    # It is silent of nothing and reports what no effect is
     nothing = table(lambda rows, base: 0 * base)
     columns = {"clock_offset": 0.1 * np.sin(7 * nothing.base)[:, :, None]}
     assert kennedy_ohagan(nothing, columns)[0] == "consistent"

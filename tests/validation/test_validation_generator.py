@@ -178,15 +178,14 @@ def test_recordings_are_read_by_the_package(library, tmp_path):
     json.dumps(case.truth)  # what is sealed is JSON
 
 
-def test_contents_are_as_many_as_asked(library):
+def test_contents_are_as_many_as_asked_of_their_own_seeds(library):
     made = list(draw.cases({"small": library}, 5, {"null": 3, "single": 2, "pair": 2, "outside": 1}))
     assert sorted(case.content for case in made) == ["null"] * 3 + ["outside"] + ["pair"] * 2 + ["single"] * 2
     for case in made:
         assert all(effect["snr"] >= draw.SNR[0] for effect in case.truth["effects"])
         assert (case.content == "null") == (case.truth["snr"] == 0)
 
-
-def test_reporting_seeds_are_not_development_seeds():
+    # Reporting seeds are not development seeds
     assert draw.seed_of_commit("0123abc") >= draw.DEVELOPMENT
     assert draw.seed_of_commit("0123abc") != draw.seed_of_commit("0123abd")
 

@@ -43,16 +43,14 @@ def test_the_generator_uses_only_the_file_format(path):
     assert foreign(imported(path)) == []
 
 
-def test_the_modules_of_the_generator_are_found():
+def test_modules_of_the_generator_are_found_with_their_imports(tmp_path):
     assert {"draw.py", "kinds.py", "recording.py", "score.py"} <= {path.name for path in MODULES}
 
-
-def test_the_package_imports_nothing_of_the_generator():
+    # The package imports nothing of the generator
     for path in Path(gelforge.__file__).parent.rglob("*.py"):
         assert not [n for n in imported(path) if n.split(".")[0] in ("validation", "benchmarks", "felupe")]
 
-
-def test_an_import_of_the_analysis_is_found(tmp_path):
+    # An import of the analysis is found
     assert foreign({"gelforge.mismatch.evidence.screen.screened", "gelforge.config.Session"}) == [
         "gelforge.mismatch.evidence.screen.screened"
     ]

@@ -68,12 +68,11 @@ def test_an_archive_is_scored_as_its_answers_say(tmp_path):
     assert found["pair: both identified"] == ""
 
 
-def test_a_verdict_that_was_changed_is_refused(tmp_path):
+def test_a_changed_verdict_and_the_truth_of_another_set_are_refused(tmp_path):
     with pytest.raises(sealing.SealBroken, match="c3"):
         archived(write_archive(tmp_path, spoilt="c3"), TRUTHS)
 
-
-def test_the_truth_of_another_set_is_refused(tmp_path):
+    # The truth of another set is refused
     others = TRUTHS | {"c2": TRUTHS["c2"] | {"sealed": "another"}}
     with pytest.raises(sealing.SealBroken, match="c2"):
         archived(write_archive(tmp_path), others)

@@ -18,8 +18,21 @@ def test_wilsons_interval_holds_the_rates_that_the_score_test_accepts(k, n):
     assert Rate(k, n).interval() == pytest.approx((low, high), abs=1e-9)
 
 
-def test_no_case_says_nothing():
+def test_rates_medians_and_wrong_cases_are_counted():
     assert Rate(0, 0).interval() == (0.0, 1.0)
+
+    # How often the tests fire is counted on nulls whose p is known
+    nulls = [Judged("null", 0.0, (), "consistent", (), p=p) for p in (0.5, 0.009, 0.011, float("nan"))]
+    other = Judged("single", 10.0, ("tilt",), "consistent", (), p=1e-6)
+    assert scores([*nulls, other])["a test below 0.01 on nulls"] == Rate(1, 3)
+
+    # Median size of right groups
+    assert scores(CASES)["median size of right groups"] == 1.5
+
+    # Wrong cases are listed
+    named = [(f"c{k}", {"effects": []}, judged) for k, judged in enumerate(CASES)]
+    # a weak single that is called wrong is wrong; a weak one that is not seen would not be
+    assert list(wrong_cases(named)["case"]) == ["c2", "c3", "c6", "c7", "c9", "c10", "c12"]
 
 
 CASES = [
@@ -73,22 +86,6 @@ CASES = [
 )
 def test_scores_of_a_hand_made_set(name, k, n):
     assert scores(CASES)[name] == Rate(k, n)
-
-
-def test_how_often_the_tests_fire_is_counted_on_nulls_whose_p_is_known():
-    nulls = [Judged("null", 0.0, (), "consistent", (), p=p) for p in (0.5, 0.009, 0.011, float("nan"))]
-    other = Judged("single", 10.0, ("tilt",), "consistent", (), p=1e-6)
-    assert scores([*nulls, other])["a test below 0.01 on nulls"] == Rate(1, 3)
-
-
-def test_median_size_of_right_groups():
-    assert scores(CASES)["median size of right groups"] == 1.5
-
-
-def test_wrong_cases_are_listed():
-    named = [(f"c{k}", {"effects": []}, judged) for k, judged in enumerate(CASES)]
-    # a weak single that is called wrong is wrong; a weak one that is not seen would not be
-    assert list(wrong_cases(named)["case"]) == ["c2", "c3", "c6", "c7", "c9", "c10", "c12"]
 
 
 def truth_of(forces):
@@ -161,22 +158,20 @@ def test_verdicts_of_the_former_format_are_read_in_the_words_of_this_one(former,
     assert found.state == now and found.found == [now == "identified"]
 
 
-def test_what_may_be_there_instead_counts_as_part_of_a_group():
+def test_rivals_lines_and_free_forms_count_as_claims():
     answer = [{"members": ["wedge"], "or_else": ["tilt"], "probability": 0.95}]
     verdict = {"state": "identified", "answer": answer, "effects": []}
     found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
     assert found.found == [True] and not found.first and not found.wrong_and_confident
 
-
-def test_a_line_is_claimed_and_the_credible_set_is_the_answer():
+    # A line is claimed and the credible set is the answer
     answer = [{"members": ["wedge"], "alternatives": ["tilt"], "probability": 0.95}]
     verdict = {"state": "identified", "answer": answer, "effects": []}
     found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
     assert found.answer == ((("wedge", "tilt"), 0.95),)
     assert found.claims == ((("wedge",), 0.95),) and found.wrong_and_confident
 
-
-def test_a_cause_with_a_free_form_is_a_claim_and_right_of_what_it_generalises():
+    # A cause with a free form is a claim and right of what it generalises
     model = {"cause": "depth_map", "probability": 0.97}
     verdict = {"state": "form_free", "answer": [], "effects": [], "model": model}
     tilted = truth_of([[0, 0, 0]] * 2)

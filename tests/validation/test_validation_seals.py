@@ -31,24 +31,22 @@ def judged(judged_once, tmp_path):
     return shutil.copytree(judged_once, tmp_path / "sets" / "small", symlinks=True)
 
 
-def test_a_sealed_truth_comes_back(tmp_path):
+def test_a_sealed_truth_comes_back_and_its_salt_hides_it(tmp_path):
     truth = {"case": "c1", "effects": [{"name": "tilt", "amounts": {"about_x": 0.1}}]}
     published = sealing.seal(tmp_path / "c1.json", truth, sealing.salt_of(1, "c1"))
     assert sealing.opened(tmp_path / "c1.json", published) == truth
 
-
-def test_salts_hide_that_two_truths_are_equal(tmp_path):
+    # Salts hide that two truths are equal
     seals = [sealing.seal(tmp_path / c, {"content": "null"}, sealing.salt_of(1, c)) for c in ("a", "b")]
     assert seals[0] != seals[1]
 
 
-def test_all_seals_of_a_judged_set_hold(judged):
+def test_all_seals_of_a_judged_set_hold_and_it_is_not_judged_again(judged):
     found = sets.opened(judged)
     assert [case["verdict"]["state"] for case in found] == ["null"] * 4
     assert sorted(case["truth"]["content"] for case in found) == ["null", "null", "outside", "single"]
 
-
-def test_a_judged_set_is_not_judged_again(judged):
+    # A judged set is not judged again
     assert sets.judge(judged, FAKE, say=lambda text: None) == 0
 
 

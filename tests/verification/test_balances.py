@@ -27,7 +27,7 @@ def frictionless():
     return press, specimens.follow(press, CORNER, DEPTHS)
 
 
-def test_contact_and_reaction_balance(pressed):
+def test_forces_and_moments_balance_about_the_deformed_nodes(pressed):
     """The reaction is summed from internal forces at the base, so that this is not true by construction."""
     press, states = pressed
     limit = 1e-6 if press.settings == Settings() else 1e-10
@@ -37,22 +37,16 @@ def test_contact_and_reaction_balance(pressed):
         assert force_balance(state) < limit
         assert state.force[2] < -0.05
 
-
-def test_moments_balance(pressed):
-    """About the ball's centre, over the force times its radius."""
-    press, states = pressed
-    limit = 1e-6 if press.settings == Settings() else 1e-10
+    # About the ball's centre, over the force times its radius.
     for state in states:
         assert moment_balance(press.body.mesh, state, press.indenter.radius) < limit
 
-
-def test_the_moment_balance_sees_a_wrong_arm(pressed):
-    """At finite strain the forces act at the deformed nodes: with the undeformed ones the moments do not close."""
-    press, states = pressed
+    # At finite strain the forces act at the deformed nodes: with the undeformed ones the moments do
+    # not close.
     assert moment_balance(press.body.mesh, states[-1], press.indenter.radius, deformed=False) > 1e-3
 
 
-def test_pressures_follow_the_volume(pressed):
+def test_volumes_contact_and_friction_obey_their_laws(pressed):
     """Mixed and condensed forces agree: the element pressures are K (theta - 1)."""
     press, states = pressed
     for state in states:
@@ -60,10 +54,7 @@ def test_pressures_follow_the_volume(pressed):
         error = np.abs(response.p_volume - state.pressure) / press.body.element_bulk
         assert error.max() < press.settings.volume_tolerance
 
-
-def test_complementarity(pressed):
-    """No contact node penetrates or pulls, no open node lies inside the ball."""
-    press, states = pressed
+    # No contact node penetrates or pulls, no open node lies inside the ball.
     for state in states:
         on = state.contact_state > 0
         assert np.abs(state.gap[on]).max() < press.settings.gap_tolerance
@@ -73,10 +64,8 @@ def test_complementarity(pressed):
         ray = press.body.mesh.X[press.surface] + state.u[press.surface] - state.centre
         assert_allclose(state.gap, np.linalg.norm(ray, axis=1) - press.indenter.radius, atol=1e-14)
 
-
-def test_coulomb(pressed):
-    """Friction is tangential, below mu times the normal force where it sticks, equal to it where it slips."""
-    press, states = pressed
+    # Friction is tangential, below mu times the normal force where it sticks, equal to it where it
+    # slips.
     mu = press.settings.friction
     for state in states:
         normal, friction = (np.linalg.norm(f, axis=1) for f in (state.normal_force, state.friction_force))
@@ -86,7 +75,7 @@ def test_coulomb(pressed):
         assert (friction[state.contact_state == 1] < mu * normal[state.contact_state == 1]).all()
 
 
-def test_no_moment_about_the_balls_centre_without_friction(frictionless):
+def test_without_friction_there_is_no_moment_and_a_cycle_closes(frictionless):
     """Normal forces of a ball pass through its centre."""
     press, states = frictionless
     for state in states:
@@ -94,6 +83,15 @@ def test_no_moment_about_the_balls_centre_without_friction(frictionless):
         arms = press.body.mesh.X[press.surface] + state.u[press.surface] - state.centre
         moment = np.cross(arms, state.normal_force).sum(axis=0)
         assert np.linalg.norm(moment) < 1e-13 * np.linalg.norm(state.force) * press.indenter.radius
+
+    # Elastic: what is reached on the way back is what was there on the way in.
+    press, loading = frictionless
+    back = specimens.follow(press, CORNER, [0.8, 0.4], start=loading[-1])
+    for there, here in zip(loading[1::-1], back):
+        # The stopping rule of 1e-11 of F, times the compliance of the softest node, some ten times the depth over F.
+        assert_allclose(here.u, there.u, atol=1e-9)
+        assert_allclose(here.force, there.force, atol=1e-9 * np.linalg.norm(there.force))
+        assert here.energy == pytest.approx(there.energy, rel=1e-9)
 
 
 @pytest.mark.parametrize("body", [Body, SmallStrainBody])
@@ -112,17 +110,6 @@ def test_work_of_the_ball_is_the_energy(body):
     errors = [(states[depth + h].energy - states[depth - h].energy) / (2 * h) - force for h in steps]
     assert abs(errors[0]) < 1e-3 * force
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
-
-
-def test_a_cycle_closes_without_friction(frictionless):
-    """Elastic: what is reached on the way back is what was there on the way in."""
-    press, loading = frictionless
-    back = specimens.follow(press, CORNER, [0.8, 0.4], start=loading[-1])
-    for there, here in zip(loading[1::-1], back):
-        # The stopping rule of 1e-11 of F, times the compliance of the softest node, some ten times the depth over F.
-        assert_allclose(here.u, there.u, atol=1e-9)
-        assert_allclose(here.force, there.force, atol=1e-9 * np.linalg.norm(there.force))
-        assert here.energy == pytest.approx(there.energy, rel=1e-9)
 
 
 def test_a_cycle_with_friction_costs_work():
@@ -164,7 +151,7 @@ def slip_of(press, before, after):
     return (after.u - before.u)[press.surface] - (after.centre - before.centre)
 
 
-def test_friction_dissipates_in_every_step_at_every_node(there_and_back):
+def test_friction_dissipates_what_the_ball_s_work_does_not_store(there_and_back):
     """Its work -t . slip is never negative: what sticks does not move along the ball, what slips is dragged against it.
 
     Nodes that touch in the step are left out: part of their motion is free.
@@ -178,13 +165,9 @@ def test_friction_dissipates_in_every_step_at_every_node(there_and_back):
     assert min(work.min(initial=0) for work in lost) > -1e-9
     assert sum(work.sum() for work in lost) > 1e-4
 
-
-def test_the_ball_s_work_is_the_energy_stored_and_the_work_of_friction(there_and_back):
-    """Step by step by trapezoids, which miss 0.9 and 0.5 % of friction's work here: nodes come and go in steps of 0.1 mm.
-
-    The first steps, in which the contact grows from nothing, and the last, in which it ends, are left out.
-    """
-    press, steps = there_and_back
+    # Step by step by trapezoids, which miss 0.9 and 0.5 % of friction's work here: nodes come and
+    # go in steps of 0.1 mm. The first steps, in which the contact grows from nothing, and the last,
+    # in which it ends, are left out.
     by_ball = stored = lost = 0.0
     for before, after in steps[3:-4]:
         mean = (before.force + after.force) / 2

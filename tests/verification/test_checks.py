@@ -35,7 +35,7 @@ def test_a_study_can_ask_for_every_check():
     assert get_args(CheckName) == tuple(CHECKS)
 
 
-def test_a_check_fails_beyond_its_limit_and_without_a_number():
+def test_a_check_fails_beyond_its_limit_and_has_its_row():
     assert relative("F", "Hertz", 2.0, 2.03, 0.02).passed
     assert not relative("F", "Hertz", 2.0, 2.05, 0.02).passed
     assert absolute("n", "six", 6, 6, 0).passed
@@ -43,8 +43,7 @@ def test_a_check_fails_beyond_its_limit_and_without_a_number():
     assert not vanishing("R", "zero", -1e-3, 1e-4).passed
     assert not Check("F", "Hertz", 1.0, np.nan, np.nan, 0.02).passed
 
-
-def test_table_has_a_row_per_check():
+    # Table has a row per check
     table = check_table([relative("F", "Hertz", 2.0, 2.05, 0.02), vanishing("R", "zero", 1e-9, 1e-6)])
     assert list(table.columns) == ["quantity", "source", "reference", "found", "error", "limit", "passed"]
     assert list(table["passed"]) == [False, True]

@@ -103,16 +103,14 @@ def small():
     return {"current": current, "initial": initial}
 
 
-def test_small_strain_force_is_linear(small, rng):
+def test_small_strain_is_linear_and_the_limit_of_finite_strain(small, rng):
     body = small["current"].body
     none = np.zeros(len(body.mesh.elements))
     u, v = rng.normal(size=(2, *body.mesh.X.shape))
     fu, fv, both = (body.response(w, none).f_condensed for w in (u, v, 2 * u - 3 * v))
     assert_allclose(both, 2 * fu - 3 * fv, atol=1e-11 * np.abs(both).max())  # sums of 81 terms that cancel
 
-
-def test_small_strain_is_the_limit_of_finite_strain(small, rng):
-    """The difference of the forces falls with the square of the displacement."""
+    # The difference of the forces falls with the square of the displacement.
     body, finite = small["current"].body, specimens.press(CORNER).body
     none, u = np.zeros(len(body.mesh.elements)), rng.uniform(-1, 1, body.mesh.X.shape)
     differences = [
@@ -154,7 +152,7 @@ class Cautious(Press):
         return new
 
 
-def test_a_step_too_long_is_halved_and_ends_where_it_should():
+def test_a_step_too_long_is_halved_as_often_as_allowed():
     """From touch to 1.2 mm at once: in quarters, with the forces of four asked-for steps."""
     plain = replace(TO_ROUNDING, friction=0.0)  # nothing but what fails parts its steps
     patient = specimens.follow(specimens.press(CENTRE, plain), CENTRE, [0.3, 0.6, 0.9, 1.2])[-1]
@@ -166,8 +164,7 @@ def test_a_step_too_long_is_halved_and_ends_where_it_should():
     assert_allclose(hasty.u, patient.u, atol=1e-12)
     assert hasty.iterations > patient.iterations  # of all four steps
 
-
-def test_halving_ends_after_the_allowed_number():
+    # Halving ends after the allowed number
     body = specimens.press(CENTRE).body
     for halvings, depth in [(1, 1.2), (0, 0.6)]:
         press = Cautious(body, specimens.BALL, replace(TO_ROUNDING, friction=0.0, max_halvings=halvings))
@@ -175,8 +172,7 @@ def test_halving_ends_after_the_allowed_number():
         with pytest.raises(NotConverged, match=f"too long; step halved {halvings} times"):
             specimens.follow(press, CENTRE, [depth])
 
-
-def test_an_absurd_step_is_given_up_with_its_reason():
+    # An absurd step is given up with its reason
     press = specimens.press(CENTRE, Settings(max_iterations=3, max_halvings=1))
     with pytest.raises(
         NotConverged, match=r"no equilibrium at centre .* after 9 iterations: .*; step halved 1 times"

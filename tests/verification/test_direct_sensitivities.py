@@ -176,10 +176,16 @@ def grown(value, factor):
     return tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
 
 
-def test_other_elements_are_refused():
+def test_other_elements_or_bodies_are_refused():
     other = model(block=replace(specimens.BLOCK, layers=(("gel", 6.0), ("skin", 1.0))))
     with pytest.raises(ValueError, match="other elements"):
         along(model(), [other])
+
+    # Another kind of body is refused
+    body, *rest = model()
+    linear = SmallStrainBody(body.mesh, body.laws, 1000.0)
+    with pytest.raises(ValueError, match="subtract two solutions"):
+        along((body, *rest), [(linear, *rest)])
 
 
 def test_of_forces_only_the_same_is_found():
@@ -207,13 +213,6 @@ def test_a_base_that_ends_early_yields_what_it_has_reached():
     assert [state.centre[2] for state, _ in (next(steps), next(steps))] == too_deep[:2, 2].tolist()
     with pytest.raises(NotConverged):
         next(steps)
-
-
-def test_another_kind_of_body_is_refused():
-    body, *rest = model()
-    linear = SmallStrainBody(body.mesh, body.laws, 1000.0)
-    with pytest.raises(ValueError, match="subtract two solutions"):
-        along((body, *rest), [(linear, *rest)])
 
 
 def test_without_mkl_they_are_the_same():

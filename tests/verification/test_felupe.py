@@ -39,16 +39,14 @@ def pressed(request):
     return laws, limit, press, specimens.follow(press, POSITION, [0.25, 0.5, 0.75, 1.0])[-1]
 
 
-def test_internal_forces_agree(pressed):
+def test_internal_forces_and_held_solutions_agree(pressed):
     laws, limit, press, state = pressed
     theirs = felupe_model.internal_forces(felupe_model.twin(press.body.mesh, laws, BULK_TO_SHEAR), state.u)
     ours = press.body.response(state.u, state.pressure).f_condensed
     assert_allclose(theirs, ours, atol=limit * np.abs(ours).max())
 
-
-def test_held_where_it_is_touched_felupe_finds_the_same_displacement_and_forces(pressed):
-    """The nodes in contact are moved as we moved them; all others, and the forces at those, are FElupe's own finding."""
-    laws, limit, press, state = pressed
+    # The nodes in contact are moved as we moved them; all others, and the forces at those, are
+    # FElupe's own finding.
     held = press.body.mesh.fixed.copy()
     held[press.surface[state.contact_state > 0]] = True
     block = felupe_model.twin(press.body.mesh, laws, BULK_TO_SHEAR)

@@ -62,7 +62,7 @@ def test_a_limit_of_extension_ends_the_press_with_its_reason():
         assert np.isfinite(state.force).all()
 
 
-def test_a_factor_on_all_of_the_body_multiplies_its_forces():
+def test_a_factor_on_the_body_multiplies_its_forces_and_a_void_softens():
     one, twice = (pressed(stiffness=lambda mesh, f=f: np.full(len(mesh.elements), f)) for f in (1.0, 2.0))
     plain = pressed()
     for state, known, same in zip(twice, one, plain):
@@ -70,8 +70,7 @@ def test_a_factor_on_all_of_the_body_multiplies_its_forces():
         assert np.array_equal(known.force, same.force)
         assert np.array_equal(known.u, same.u)
 
-
-def test_a_void_under_the_ball_softens():
+    # A void under the ball softens
     def void(mesh):
         away = np.linalg.norm(mesh.X[mesh.elements].mean(axis=1) - [8.0, 8.0, -2.0], axis=1)
         inside = away < 1.3

@@ -72,7 +72,7 @@ def test_exactly_six_rigid_modes(body, mesh, turn):
     assert np.abs(K @ rigid_modes((mesh.X @ turn.T)[~mesh.hanging])).max() < 1e-13 * size
 
 
-def test_a_finite_rotation_leaves_no_force(body, mesh):
+def test_forces_turn_with_the_body_and_have_no_resultant(body, mesh, rng):
     u = mesh.X @ (TURN - np.eye(3)).T + [3.0, -1.0, 2.0]
     response = body.response(u, none(mesh))
     # K times rounding of the volume ratio; faces are about 1 mm^2.
@@ -80,17 +80,8 @@ def test_a_finite_rotation_leaves_no_force(body, mesh):
     assert response.energy < 1e-20 * body.bulk.max()
     assert response.smallest_J == pytest.approx(1, rel=1e-13)
 
-
-def test_small_strain_turns_without_force_only_infinitesimally(mesh):
-    body = SmallStrainBody(mesh, specimens.LAWS, 1000.0)
-    spin = np.cross([0.3, -0.2, 0.5], mesh.X)
-    stretch = mesh.X * [0.1, 0, 0]
-    forces = [np.abs(body.response(u, none(mesh)).f_condensed).max() for u in (spin, stretch)]
-    assert forces[0] < 1e-13 * forces[1]
-
-
-def test_forces_turn_with_the_body(body, mesh, rng):
-    """Objectivity of the assembled forces at a random deformation that inverts no element (slopes up to 0.6)."""
+    # Objectivity of the assembled forces at a random deformation that inverts no element (slopes up
+    # to 0.6).
     x = mesh.X + 0.04 * rng.uniform(-1, 1, mesh.X.shape)
     p = 0.01 * rng.normal(size=len(mesh.elements))
     one, turned = (body.response(y - mesh.X, p) for y in (x, x @ TURN.T))
@@ -99,11 +90,18 @@ def test_forces_turn_with_the_body(body, mesh, rng):
     assert_allclose(turned.f_condensed, one.f_condensed @ TURN.T, atol=limit)
     assert turned.energy == pytest.approx(one.energy, rel=1e-11)
 
-
-def test_internal_forces_have_neither_resultant_nor_moment(body, mesh, rng):
+    # Internal forces have neither resultant nor moment
     x = body.spread(mesh.X + 0.1 * rng.uniform(-1, 1, mesh.X.shape))
     response = body.response(x - mesh.X, 0.01 * rng.normal(size=len(mesh.elements)))
     for force in (response.f_mixed, response.f_condensed):
         size = np.abs(force).sum()
         assert np.abs(force.sum(axis=0)).max() < 1e-14 * size
         assert np.abs(np.cross(x, force).sum(axis=0)).max() < 1e-13 * size
+
+
+def test_small_strain_turns_without_force_only_infinitesimally(mesh):
+    body = SmallStrainBody(mesh, specimens.LAWS, 1000.0)
+    spin = np.cross([0.3, -0.2, 0.5], mesh.X)
+    stretch = mesh.X * [0.1, 0, 0]
+    forces = [np.abs(body.response(u, none(mesh)).f_condensed).max() for u in (spin, stretch)]
+    assert forces[0] < 1e-13 * forces[1]

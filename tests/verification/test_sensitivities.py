@@ -111,7 +111,7 @@ def test_derivatives_agree_with_differences_of_the_full_solver(beside, name):
     assert_allclose(per_bin, per_bin_expected, atol=0.05 * largest, rtol=0)
 
 
-def test_a_neighbour_that_differs_by_nothing_is_the_base():
+def test_a_neighbour_that_differs_by_nothing_is_the_base_and_another_mesh_refused():
     body, ball, settings, start, centres = model()
     base = Press(body, ball, settings)
     near = Neighbour(base, *model())
@@ -119,8 +119,7 @@ def test_a_neighbour_that_differs_by_nothing_is_the_base():
         # what a further correction of a state converged to 1e-9 changes
         assert_allclose(nodal(beside), nodal(state), atol=1e-8 * np.abs(nodal(state)).max())
 
-
-def test_another_mesh_is_refused():
+    # Another mesh is refused
     body, ball, settings, *_ = model()
     other = model(block=replace(specimens.BLOCK, layers=(("gel", 6.0), ("skin", 1.0))))
     with pytest.raises(ValueError, match="other elements"):

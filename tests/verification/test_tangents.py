@@ -50,7 +50,7 @@ def free_direction(body, rng):
     return body.spread(rng.uniform(-1, 1, body.mesh.X.shape) * ~body.mesh.fixed[:, None])
 
 
-def test_force_is_the_gradient_of_the_energy(deformed, rng):
+def test_force_and_pressure_are_derivatives(deformed, rng):
     body, u = deformed
     none, v = np.zeros(len(body.mesh.elements)), free_direction(body, rng)
     start = body.response(u, none)
@@ -62,8 +62,14 @@ def test_force_is_the_gradient_of_the_energy(deformed, rng):
     # 2 plus the third-order term, of relative size h / (element size) = 1e-3 at the first step.
     assert_allclose(halving_rates(remainder, 1e-3 * 0.5 ** np.arange(5)), 2, atol=0.02)
 
+    # Linearised pressure is the derivative of the pressure
+    def remainder(h):
+        return body.response(u + h * v, none).p_volume - body.linearised_pressure(start, h * v)
 
-def test_body_tangent_is_the_derivative_of_the_force(deformed, rng):
+    assert_allclose(halving_rates(remainder, 1e-3 * 0.5 ** np.arange(5)), 2, atol=0.02)
+
+
+def test_body_tangents_are_the_derivatives_of_the_force(deformed, rng):
     """d f_condensed/du is the tangent at the pressures of the volume change."""
     body, u = deformed
     none, v, values = (
@@ -81,32 +87,17 @@ def test_body_tangent_is_the_derivative_of_the_force(deformed, rng):
 
     assert_allclose(halving_rates(remainder, 1e-3 * 0.5 ** np.arange(5)), 2, atol=0.02)
 
-
-def test_tangent_at_a_given_pressure_is_the_derivative_at_that_pressure(deformed, rng):
-    """The mixed tangent: f_mixed at fixed p, plus K/V c c^T."""
-    body, u = deformed
+    # The mixed tangent: f_mixed at fixed p, plus K/V c c^T.
     v, values = free_direction(body, rng), np.empty(len(body.pattern.indices))
     p = 0.02 * rng.normal(size=len(body.mesh.elements))
     start = body.response(u, p, values)
     growth = body.linearised_pressure(start, v) - start.p_volume
     volumetric = np.zeros_like(u)
     np.add.at(volumetric, body.mesh.elements, growth[:, None, None] * start.coupling)
-    free = body.pattern.equation >= 0
     change = (product(body.pattern, values, v) - body.gathered(volumetric))[free]
 
     def remainder(h):
         return (body.response(u + h * v, p).f_mixed - start.f_mixed)[free] - h * change
-
-    assert_allclose(halving_rates(remainder, 1e-3 * 0.5 ** np.arange(5)), 2, atol=0.02)
-
-
-def test_linearised_pressure_is_the_derivative_of_the_pressure(deformed, rng):
-    body, u = deformed
-    none, v = np.zeros(len(body.mesh.elements)), free_direction(body, rng)
-    start = body.response(u, none)
-
-    def remainder(h):
-        return body.response(u + h * v, none).p_volume - body.linearised_pressure(start, h * v)
 
     assert_allclose(halving_rates(remainder, 1e-3 * 0.5 ** np.arange(5)), 2, atol=0.02)
 

@@ -19,7 +19,7 @@ CAMERA = Camera(
 PLAIN = VirtualImaging(blur_px=0.0, noise_grey=0.0, background_grey=0.0, particle_grey=200.0)
 
 
-def test_a_ball_appears_at_its_projection_with_its_size():
+def test_balls_appear_at_their_projection_cover_and_are_cut_off():
     centre = np.array([[12.34, 20.56, -2.0]])
     image = draw(CAMERA, PLAIN, centre, 0.6)
     (pixel,), (distance,) = project(CAMERA, centre)
@@ -31,8 +31,7 @@ def test_a_ball_appears_at_its_projection_with_its_size():
         (image > 0.45 * image.max() / 2).sum(), np.pi * radius**2, rtol=0.15
     )  # counted in whole pixels
 
-
-def test_nearer_balls_cover_farther_ones():
+    # Nearer balls cover farther ones
     near, far = [16.0, 16.0, -5.5], [16.0, 16.0, -2.0]
     alone = draw(CAMERA, PLAIN, np.array([near, [3.0, 3.0, -2.0]]), 0.6)
     for order in ([near, far], [far, near]):
@@ -40,13 +39,12 @@ def test_nearer_balls_cover_farther_ones():
         # the farther ball stands behind the middle of the nearer one: no trace of it but in the smoothed border
         assert_array_equal(both[197:203, 197:203], alone[197:203, 197:203])
 
-
-def test_balls_beyond_the_image_are_cut_off():
+    # Balls beyond the image are cut off
     image = draw(CAMERA, PLAIN, np.array([[-40.0, 16.0, -3.0], [1.4, 16.0, -6.0]]), 0.6)
     assert 0 < (image > 0).sum() < 80
 
 
-def test_noise_has_the_asked_spread_and_a_seed():
+def test_noise_has_its_spread_and_seed_and_exposure_scales_the_light_alone():
     imaging = VirtualImaging(noise_grey=2.0)
     flat = np.full((400, 400), 100, np.float32)
     first, again, other = (expose(flat, imaging, np.random.default_rng(seed)) for seed in (1, 1, 2))
@@ -54,6 +52,10 @@ def test_noise_has_the_asked_spread_and_a_seed():
     assert not np.array_equal(first, other)
     # 160,000 samples: 0.2 %; rounding to grey levels adds 1 / 12 to the variance
     assert_allclose(first.std(), np.sqrt(4 + 1 / 12), rtol=0.01)
+
+    # Exposure scales the light and not the noise
+    dim = expose(flat, VirtualImaging(), np.random.default_rng(0), 0.8)
+    assert_allclose([dim.mean(), dim.std()], [80, np.sqrt(4 + 1 / 12)], rtol=0.01)
 
 
 @pytest.mark.parametrize("shift_mm", [0.02, 0.1, 0.2])
@@ -127,16 +129,22 @@ def test_defocus_blurs_what_is_off_the_plane_in_focus_and_loses_no_light():
     assert_allclose(spread(image) - spread(sharp), (0.6 * 5) ** 2, rtol=0.02)  # variances add
 
 
-def test_exposure_scales_the_light_and_not_the_noise():
-    flat = np.full((400, 400), 100, np.float32)
-    dim = expose(flat, VirtualImaging(), np.random.default_rng(0), 0.8)
-    assert_allclose([dim.mean(), dim.std()], [80, np.sqrt(4 + 1 / 12)], rtol=0.01)
-
-
-def test_a_lens_focused_on_the_top_stays_so_when_written():
+def test_focus_and_colours_stay_as_written():
     imaging = VirtualImaging(focus_z_mm=0.0, defocus_px_per_mm=0.3)
     assert VirtualImaging(**imaging.model_dump(mode="json")) == imaging
     assert "focus_z_mm" not in VirtualImaging().model_dump(mode="json")
+
+    # Colours come together and grey cameras stay as written
+    with pytest.raises(ValidationError, match="background_rgb is missing"):
+        VirtualImaging(particle_rgb=[1.0, 2.0, 3.0])
+    with pytest.raises(ValidationError, match="less than or equal to 255"):
+        VirtualImaging(background_rgb=[1.0, 2.0, 300.0], particle_rgb=[1.0, 2.0, 3.0])
+    assert not {"background_rgb", "particle_rgb"} & set(VirtualImaging().model_dump(mode="json"))
+    assert as_read(PLAIN) is PLAIN
+    assert (
+        VirtualImaging(**VirtualImaging(**COLOURED).model_dump(mode="json")).particle_rgb
+        == COLOURED["particle_rgb"]
+    )
 
 
 COLOURED = {"background_rgb": [60.0, 20.0, 10.0], "particle_rgb": [30.0, 220.0, 90.0]}
@@ -168,19 +176,6 @@ def test_noise_of_three_channels_averages_out_in_grey():
     # 4 levels on three channels: 4 sqrt(.299^2 + .587^2 + .114^2); rounding to grey levels adds 1 / 12 to the variance
     assert_allclose(read.std(), np.sqrt(as_read(imaging).noise_grey ** 2 + 1 / 12), rtol=0.02)
     assert_allclose(as_read(imaging).noise_grey, 4 * 0.6685, rtol=1e-3)
-
-
-def test_colours_come_together_and_grey_cameras_stay_as_written():
-    with pytest.raises(ValidationError, match="background_rgb is missing"):
-        VirtualImaging(particle_rgb=[1.0, 2.0, 3.0])
-    with pytest.raises(ValidationError, match="less than or equal to 255"):
-        VirtualImaging(background_rgb=[1.0, 2.0, 300.0], particle_rgb=[1.0, 2.0, 3.0])
-    assert not {"background_rgb", "particle_rgb"} & set(VirtualImaging().model_dump(mode="json"))
-    assert as_read(PLAIN) is PLAIN
-    assert (
-        VirtualImaging(**VirtualImaging(**COLOURED).model_dump(mode="json")).particle_rgb
-        == COLOURED["particle_rgb"]
-    )
 
 
 def test_printed_dots_have_one_grey_level_however_far_they_are():

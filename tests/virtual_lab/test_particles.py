@@ -30,20 +30,19 @@ def test_particles_fill_their_share_inside_the_gel_without_overlap(diameter, fra
     assert (np.abs(P.mean(axis=0) - [16, 16, -3.75]) < scatter).all()
 
 
-def test_particles_belong_to_the_serial():
+def test_particles_belong_to_the_serial_and_need_a_layer():
     particles = VirtualParticles(diameter_mm=0.6)
     first, again, other = (place_particles(particles, SENSOR, serial) for serial in ("a", "a", "b"))
     assert_array_equal(first, again)
     assert not np.array_equal(first, other)
 
-
-def test_a_sensor_without_particle_layer_is_refused():
+    # A sensor without particle layer is refused
     bare = [layer.model_copy(update={"particle_volume_fraction": 0.0}) for layer in SENSOR.layers]
     with pytest.raises(VirtualLabError, match="particle_volume_fraction"):
         place_particles(VirtualParticles(), SENSOR.model_copy(update={"layers": bare}), "a")
 
 
-def test_interpolation_reproduces_trilinear_fields_whatever_the_order_of_corners():
+def test_interpolation_reproduces_trilinear_fields_in_any_mesh():
     nodes, hexahedra = gel_mesh((5, 4, 3))
     rng = np.random.default_rng(0)
     shuffled = rng.permuted(hexahedra, axis=1)
@@ -61,14 +60,12 @@ def test_interpolation_reproduces_trilinear_fields_whatever_the_order_of_corners
     one = interpolation(nodes, hexahedra[:1], nodes[hexahedra[0]].mean(axis=0, keepdims=True))
     assert_allclose(one @ nodes.prod(axis=1), nodes[hexahedra[0]].prod(axis=1).mean(), rtol=1e-12)
 
-
-def test_interpolation_accepts_float32_nodes():
+    # Interpolation accepts float32 nodes
     nodes, hexahedra = gel_mesh()
     weights = interpolation(nodes.astype(np.float32), hexahedra, np.array([[30.49, 1.51, -1.51]]))
     assert_allclose(weights.sum(axis=1), 1, atol=1e-12)
 
-
-def test_elements_of_several_sizes_are_found():
+    # Elements of several sizes are found
     mesh = layered_block(Block(16.0, 16.0, (("gel", 6.0),)), 8.0, 8.0, Sizes(0.5, 2.0, 0.5, 2.0))
     assert mesh.hanging.any()
     points = np.random.default_rng(0).uniform([0, 0, -6], [16, 16, 0], (500, 3))
@@ -131,7 +128,7 @@ def dots_of(serial: str, **keys) -> np.ndarray:
     return place_particles(VirtualParticles(diameter_mm=0.6, dots=dots), sensor, serial)
 
 
-def test_dots_are_a_square_grid_on_a_plane_wholly_inside_the_sensor():
+def test_dots_are_a_square_grid_shifted_and_turned_by_the_serial():
     P = dots_of("a", rotation_deg=10.0)
     assert_array_equal(P[:, 2], -0.3)
     assert (P[:, :2] >= 0.3).all() and (P[:, :2] <= np.array([31.7, 40.7])).all()
@@ -141,8 +138,7 @@ def test_dots_are_a_square_grid_on_a_plane_wholly_inside_the_sensor():
     # area over area of a dot's square; a strip of half a spacing along the border may hold one more or less
     assert abs(len(P) - 31.4 * 40.4 / 4) < (31.4 + 40.4) / 2
 
-
-def test_dots_are_about_the_middle_and_shifted_and_turned_from_serial_to_serial():
+    # Dots are about the middle and shifted and turned from serial to serial
     straight = dots_of("a", offset_mm=0.0, rotation_deg=0.0)
     assert_allclose(straight.mean(axis=0), [16, 20.5, -0.3], atol=1e-9)
     assert_array_equal(dots_of("a"), dots_of("a"))
@@ -154,7 +150,6 @@ def test_dots_are_about_the_middle_and_shifted_and_turned_from_serial_to_serial(
     turned = [np.degrees(np.arctan2(*(b - a)[1::-1])) % 90 for a, b in row]
     assert 0 < np.ptp([(t + 45) % 90 for t in turned]) < 8  # 1 deg as asked for
 
-
-def test_dots_that_overlap_are_refused():
+    # Dots that overlap are refused
     with pytest.raises(VirtualLabError, match="overlap"):
         dots_of("a", spacing_mm=0.5)

@@ -62,10 +62,16 @@ def test_a_lab_whose_sensor_is_not_symmetric_is_not_mirrored(symmetry, refused, 
         assert virtual_lab_of(study, Path("study.yaml")).mechanics.effects.kinematics.tilt_deg == [2.0, 0.0]
 
 
-def test_sessions_share_the_cells_out():
+def test_sessions_share_the_cells_out_and_turn_back_to_the_sensor():
     parts = session_cells(LAB, CELLS)
     assert sorted(parts["one"] + parts["two"]) == sorted(CELLS)
     assert [len(parts["one"]), len(parts["two"])] == [5, 4]
+
+    # Stage positions turn back to the sensor
+    xy = np.array([[5.0, 27.0], [16.0, 11.0]])
+    for session in LAB.sessions:
+        back = stage_to_sensor(sensor_to_stage(xy, session.stage_to_sensor), session.stage_to_sensor)
+        assert_allclose(back, xy, atol=1e-12)
 
 
 @pytest.mark.parametrize("session", LAB.sessions, ids=lambda s: s.session)
@@ -99,7 +105,7 @@ def test_the_same_lab_makes_the_same_bytes_with_any_number_of_threads(made, trut
     assert filecmp.cmpfiles(tmp_path, made, files, shallow=False)[1:] == ([], [])
 
 
-def test_images_of_a_press_differ_by_noise_only_and_zero_looks_like_the_reference(made):
+def test_images_order_and_names_are_those_of_a_synthetic_session(made):
     folder = made / "one"
     first, second = (read_grey(folder / "images" / f"p00000_{i}.png").astype(float) for i in (0, 1))
     zero, reference = read_grey(folder / "images" / "p00000_zero.png"), read_grey(folder / "reference.png")
@@ -108,8 +114,7 @@ def test_images_of_a_press_differ_by_noise_only_and_zero_looks_like_the_referenc
         assert_allclose((a - b).std(), 2.86, rtol=0.02)
     assert (first - reference).std() > 4  # particles moved
 
-
-def test_order_is_random_and_only_the_deepest_press_is_followed_up(made):
+    # Order is random and only the deepest press is followed up
     readings = read_recording(made / "one", CELLS, STUDY.sensor).readings
     presses = readings[readings["phase"] == "load"]
     assert list(presses["depth_mm"]) != sorted(presses["depth_mm"])
@@ -119,8 +124,7 @@ def test_order_is_random_and_only_the_deepest_press_is_followed_up(made):
     assert sorted(up["press"]) == sorted(deep)
     assert set(up["depth_mm"]) == set(UNLOAD)
 
-
-def test_everything_says_synthetic_and_nothing_tells_the_truth(made):
+    # Everything says synthetic and nothing tells the truth
     for name in ("one", "two"):
         assert load_session(made / name / "session.yaml").synthetic
         assert (made / name / "README.txt").read_text().startswith("SYNTHETIC")
@@ -169,14 +173,7 @@ def test_a_truth_cell_that_failed_or_ends_early_is_named(tmp_path, change, messa
     assert not list(tmp_path.glob(".one*"))
 
 
-def test_stage_positions_turn_back_to_the_sensor():
-    xy = np.array([[5.0, 27.0], [16.0, 11.0]])
-    for session in LAB.sessions:
-        back = stage_to_sensor(sensor_to_stage(xy, session.stage_to_sensor), session.stage_to_sensor)
-        assert_allclose(back, xy, atol=1e-12)
-
-
-def test_exposure_drifts_from_the_first_press_to_the_last():
+def test_exposure_drifts_and_an_old_lab_is_written_as_it_was():
     imaging = LAB.imaging.model_copy(update={"exposure_drift": -0.1})
     presses = random_presses(LAB.sessions[0], list(CELLS.values()))
     lab = LAB.model_copy(update={"imaging": imaging})
@@ -184,9 +181,7 @@ def test_exposure_drifts_from_the_first_press_to_the_last():
     assert [bench.exposure(presses[k]) for k in (0, -1)] == [1.0, 0.9]
     assert Bench(LAB, LAB.sessions[0], None, None, None, last=3).exposure(presses[2]) == 1.0
 
-
-def test_an_old_lab_is_written_as_it_was():
-    """The digest of a truth cell is of what is written."""
+    # The digest of a truth cell is of what is written.
     later = {"vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift"}
     assert not later & set(LAB.model_dump()["imaging"])
     changed = LAB.imaging.model_copy(update={"vignetting": 0.1})

@@ -106,7 +106,7 @@ def shard(recorded):
     return out, join_shard(study, list(cells), files, {"one": folder.parent / "one.h5"}, out)
 
 
-def test_a_path_is_one_press_with_a_reading_and_an_image_at_every_step(recorded):
+def test_a_path_is_one_press_of_which_the_verdict_sees_the_loading(recorded):
     study, _, folder = recorded
     readings = read_recording(folder, plan_cells(study), study.sensor).readings
     right = readings[readings["cell"] == "right"]
@@ -121,8 +121,18 @@ def test_a_path_is_one_press_with_a_reading_and_an_image_at_every_step(recorded)
     assert (np.diff(readings["time_s"]) > 0).all()
     assert readings["press"].nunique() == 4
 
+    # The verdict sees the loading of a sheared press alone
+    table = observe([folder], study.sensor).table
+    assert (np.abs(table.loc[table["x_mm"] > 14, ["x_mm", "y_mm"]] - 16) < 1e-3).all(axis=None)
+    assert set(table.loc[table["x_mm"] > 14, "phase"]) == {"load"}
+    assert "unload" in set(table["phase"])  # of the straight press
 
-def test_horizontal_readings_of_a_sheared_session_agree_with_its_labels(shard):
+    # Presses on a sensor that softens are straight
+    with pytest.raises(RecordingError, match="moves sideways; on a sensor that softens"):
+        recorded_presses(readings, plan_cells(study), study)
+
+
+def test_labels_of_a_sheared_session_agree_step_by_step(shard):
     out, count = shard
     rows = ShardDataset([out])
     block = rows.read(
@@ -146,6 +156,14 @@ def test_horizontal_readings_of_a_sheared_session_agree_with_its_labels(shard):
     assert_allclose(block["force_distribution_N"].sum(axis=1, dtype=float), label, atol=1e-6)
     assert set(block["phase"][block["cell"] == "back"]) == {"zero", "load", "shear"}
 
+    # Every step of a path is a group of images of its own
+    rows = ShardDataset([shard[0]])
+    index = np.arange(len(rows))
+    groups = images_of_presses(rows, index)
+    cell = rows.read(index, ["cell"])["cell"]
+    assert len(set(groups[cell == "right"])) == 5 + 1
+    assert len(set(groups[cell == "straight"])) == 2 + 2  # two images at each of two depths, two untouched
+
 
 def test_a_session_of_sheared_presses_alone_is_read(recorded, tmp_path):
     study, _, folder = recorded
@@ -156,14 +174,6 @@ def test_a_session_of_sheared_presses_alone_is_read(recorded, tmp_path):
     recording = read_recording(other, plan_cells(study), study.sensor)
     assert recording.findings.lines("excluded") == recording.findings.lines("note") == []
     session_features(recording, study.features, tmp_path / "one.h5")
-
-
-def test_the_verdict_sees_the_loading_of_a_sheared_press_alone(recorded):
-    study, _, folder = recorded
-    table = observe([folder], study.sensor).table
-    assert (np.abs(table.loc[table["x_mm"] > 14, ["x_mm", "y_mm"]] - 16) < 1e-3).all(axis=None)
-    assert set(table.loc[table["x_mm"] > 14, "phase"]) == {"load"}
-    assert "unload" in set(table["phase"])  # of the straight press
 
 
 @pytest.mark.parametrize(
@@ -264,15 +274,6 @@ def test_images_of_a_sideways_motion_are_not_asked_to_be_alike(recorded):
     assert [finding.test for finding in found.of("excluded")] == ["image_content"]
 
 
-def test_every_step_of_a_path_is_a_group_of_images_of_its_own(shard):
-    rows = ShardDataset([shard[0]])
-    index = np.arange(len(rows))
-    groups = images_of_presses(rows, index)
-    cell = rows.read(index, ["cell"])["cell"]
-    assert len(set(groups[cell == "right"])) == 5 + 1
-    assert len(set(groups[cell == "straight"])) == 2 + 2  # two images at each of two depths, two untouched
-
-
 def test_the_agreement_has_the_depth_before_the_sideways_motion(recorded, tmp_path):
     study, files, folder = recorded
     write_readings(tmp_path / "one.csv", read_recording(folder, plan_cells(study), study.sensor))
@@ -280,10 +281,3 @@ def test_the_agreement_has_the_depth_before_the_sideways_motion(recorded, tmp_pa
     assert_allclose(table.loc["right", ["x_mm", "depth_mm"]].astype(float), [16, 1.2], atol=1e-3)
     assert abs(table.loc["right", "fem_x_N"]) < 1e-3  # sheared it is 0.09 N
     assert_allclose(table.loc["right", "ft_z_N"], table.loc["right", "fem_z_N"], rtol=0.05)
-
-
-def test_presses_on_a_sensor_that_softens_are_straight(recorded):
-    study, _, folder = recorded
-    readings = read_recording(folder, plan_cells(study), study.sensor).readings
-    with pytest.raises(RecordingError, match="moves sideways; on a sensor that softens"):
-        recorded_presses(readings, plan_cells(study), study)

@@ -31,7 +31,7 @@ def test_every_pixel_moves_as_the_particles_where_all_move_alike():
     assert_allclose(np.abs(flow), np.broadcast_to([0.11 * scale, 0.22 * scale], flow.shape), rtol=1e-5)
 
 
-def test_a_nearer_particle_hides_a_farther_one_and_lends_its_motion_to_the_gap():
+def test_a_nearer_particle_hides_a_farther_one_and_none_is_refused():
     particles = np.concatenate([at(16, 16, -2), at(16, 16, -5), at(16, 24)])
     view = View.of(CAMERA, particles, 0.6)
     middle = np.rint(view.pixels[1]).astype(int)
@@ -43,8 +43,7 @@ def test_a_nearer_particle_hides_a_farther_one_and_lends_its_motion_to_the_gap()
     nearer = np.rint(halfway + 0.2 * (view.pixels[2] - halfway)).astype(int)
     assert view.shown[nearer[1], nearer[0]] == 2
 
-
-def test_a_camera_that_sees_no_particle_is_refused():
+    # A camera that sees no particle is refused
     with pytest.raises(VirtualLabError, match="sees no particle; correct its pose"):
         View.of(CAMERA, at(200, 200), 0.3)
 
@@ -69,7 +68,7 @@ def recorded(tmp_path_factory):
     return readings, features, dict(true_presses(STUDY, lab, CELLS, folder / "truth", wanted))
 
 
-def test_the_true_force_is_what_an_exact_force_sensor_reads(recorded):
+def test_the_true_force_and_the_share_of_the_contact_point_are_exact(recorded):
     """At the depth that was reached, of mirrored cells too: 0.01 mm of the contact point are 4 mN."""
     readings, _, true = recorded
     for session, table in readings.items():
@@ -79,9 +78,7 @@ def test_the_true_force_is_what_an_exact_force_sensor_reads(recorded):
             total = true[session, row.press].bin_force_N.sum(axis=0)
             assert_allclose(total, [row.fx_N, row.fy_N, row.fz_N], atol=1e-6)
 
-
-def test_the_contact_points_share_is_the_rest_to_the_commanded_depth(recorded):
-    readings, _, true = recorded
+    # The contact points share is the rest to the commanded depth
     table = readings["one"].drop_duplicates("press").set_index("press")
     sizes = []
     for press, row in table.iterrows():

@@ -126,7 +126,7 @@ def test_paths_that_a_shell_would_read_otherwise_are_known(path, reaches):
     assert patient_slurm.reaches_jobs(path) == reaches
 
 
-def test_estimates_follow_the_study():
+def test_estimates_follow_the_study_and_its_mirrored_cells():
     study = load_study(ROOT / "config/test.yaml")
     costs = Costs(study, plan_cells(study))
     solved = next(cell for cell in costs.cells.values() if cell.source is None)
@@ -142,10 +142,7 @@ def test_estimates_follow_the_study():
     blind = Costs(study.model_copy(update={"mismatch": fitted, "sessions": []}), costs.cells)
     assert blind.mismatch() == costs.mismatch()
 
-
-def test_mirrored_cells_share_the_start_of_their_job():
-    study = load_study(ROOT / "config/test.yaml")
-    costs = Costs(study, plan_cells(study))  # three cells are solved; the six others are of three shards
+    # Mirrored cells share the start of their job
     by_cells = sum(map(costs.cell, costs.cells.values()))
     assert costs.cells_of_plan() == pytest.approx(by_cells + (3 + 3) * JOB_S)
 

@@ -21,14 +21,13 @@ def test_paper_makes_every_solved_cell_a_job_and_mirrors_in_bulk(checkout):
     assert not {"train", "evaluate", "features", "virtual_session", "agreement"} & set(jobs)  # labels only
 
 
-def test_demo_is_the_default_and_not_mixed_into_other_studies(checkout):
+def test_the_demo_is_the_default_and_the_benchmark_solves_its_octant(checkout):
     jobs = checkout.jobs()
     assert jobs["simulate"] == jobs["virtual_cell"] == 15  # an octant of 9 x 9 positions
     for rule in ("virtual_session", "train", "tables", "export", "onnx_check", "mismatch", "report"):
         assert jobs[rule] == 1
 
-
-def test_benchmark_study_solves_an_octant_a_corner_a_side_and_six_between(checkout):
+    # Benchmark study solves an octant a corner a side and six between
     jobs = checkout.jobs("--configfile", "config/benchmark.yaml")
     assert jobs["simulate"] == jobs["virtual_cell"] == 28 + 1 + 1 + 6  # of 217
     assert jobs["virtual_session"] == 2

@@ -76,11 +76,10 @@ def test_a_long_job_brings_the_end_nearer_while_it_runs(run):
     assert seconds_left(run) >= 1  # overdue, and not done
 
 
-def test_errors_and_last_words_are_shown(run):
+def test_errors_last_words_and_stages_are_shown(run):
     run.logger.error("Error in rule", extra={"event": LogEvent.JOB_ERROR, "jobid": 2})
     run.logger.info("Complete log(s): x.log")
     assert run.out.getvalue() == "Error in rule\nComplete log(s): x.log\n"
 
-
-def test_rules_without_a_stage_are_stages():
+    # Rules without a stage are stages
     assert (stage_of("tables"), stage_of("derive_12")) == ("tables", "mirrored and interpolated sites")

@@ -16,7 +16,7 @@ RESULTS = "results/test"
 LEARNING = {"train", "evaluate"}
 
 
-def test_the_study_runs_to_its_report(finished):
+def test_the_study_runs_to_its_report_and_a_second_run_does_nothing(finished):
     for name in (
         "study.yaml",
         "plan.csv",
@@ -37,31 +37,28 @@ def test_the_study_runs_to_its_report(finished):
         for suffix in ("csv", "md"):
             assert (finished.folder / RESULTS / "tables" / f"{table}.{suffix}").is_file(), table
 
-
-def test_it_runs_in_a_folder_with_a_space_and_a_quote(finished):
-    """And from a data folder that is named like commands, which no shell executes."""
-    assert " " in finished.folder.name and "'" in finished.folder.name
-    assert (finished.folder / HOSTILE / "virtual_truth/cells/x1_y1.h5").is_file()
-    assert [path for name in "YZW" for path in finished.folder.rglob(name)] == []
-
-
-def test_checksums_hold(finished):
+    # Checksums hold
     subprocess.run(
         ["sha256sum", "--check", "--quiet", "SHA256SUMS"],
         cwd=finished.folder / RESULTS / "dataset",
         check=True,
     )
 
-
-def test_a_second_run_does_nothing(finished):
+    # A second run does nothing
     assert finished.jobs(*TEST) == {}
 
-
-def test_synthetic_recordings_say_so(finished):
+    # Synthetic recordings say so
     session = yaml.safe_load((finished.folder / HOSTILE / "recordings/morning/session.yaml").read_text())
     assert session["synthetic"] is True
     assert "synthetic" in (finished.folder / RESULTS / "report.html").read_text().lower()
     assert "synthetic" in (finished.folder / RESULTS / "dataset/README.md").read_text().lower()
+
+
+def test_it_runs_in_a_folder_with_a_space_and_a_quote(finished):
+    """And from a data folder that is named like commands, which no shell executes."""
+    assert " " in finished.folder.name and "'" in finished.folder.name
+    assert (finished.folder / HOSTILE / "virtual_truth/cells/x1_y1.h5").is_file()
+    assert [path for name in "YZW" for path in finished.folder.rglob(name)] == []
 
 
 @pytest.mark.thorough

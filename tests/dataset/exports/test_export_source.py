@@ -20,7 +20,7 @@ from gelforge.dataset.shard import ShardDataset
 from gelforge.indentation.planning.plan import plan_cells
 
 
-def test_splits_are_those_of_training(made_once):
+def test_splits_are_those_of_training_and_presses_whole(made_once):
     """`validation` are the rows that monitor the loss; no orbit is on two sides, every row is in one split."""
     from gelforge.learning.basis.data import training_and_validation
 
@@ -34,18 +34,16 @@ def test_splits_are_those_of_training(made_once):
     everyone = np.concatenate([press.rows for press in source.presses])
     assert_array_equal(np.sort(everyone), np.arange(len(source.rows)))
 
-
-def rows_of(source, press):
-    return source.read([press], ["cell", "split", "press"])
-
-
-def test_presses_are_whole_and_in_order(made_once):
-    source = made_once.source
+    # Presses are whole and in order
     for press in source.presses:
         rows = source.read([press])
         assert set(rows["press"]) == {press.name.split("/")[1]}
         assert rows["image_index"].tolist() == sorted(rows["image_index"])
         assert set(rows["split"]) == {press.split}
+
+
+def rows_of(source, press):
+    return source.read([press], ["cell", "split", "press"])
 
 
 def test_a_sample_holds_its_share_of_every_split_and_keeps_its_size(made_once, tmp_path):
@@ -104,7 +102,7 @@ def test_labels_only_are_exported_by_cell(tmp_path):
     assert "measured" in (tmp_path / "out" / "README.md").read_text()
 
 
-def test_images_that_are_not_the_datasets_are_refused(made_once, tmp_path):
+def test_images_or_shards_that_have_changed_are_refused(made_once, tmp_path):
     study = made_once.study
     elsewhere = tmp_path / "data"
     shutil.copytree(study.data_folder, elsewhere)
@@ -120,8 +118,7 @@ def test_images_that_are_not_the_datasets_are_refused(made_once, tmp_path):
     with pytest.raises(DatasetError, match="is missing; run where the study was run"):
         source.read([press])
 
-
-def test_a_changed_shard_is_refused(made_once, tmp_path):
+    # A changed shard is refused
     shutil.copytree(made_once.folder, tmp_path / "dataset")
     shutil.copy(made_once.shards[0], tmp_path / "dataset" / "shard-00001.h5")
     with pytest.raises(DatasetError, match="not the shard that"):
@@ -166,7 +163,7 @@ def test_a_library_that_is_not_there_is_named_with_its_remedy():
 
 
 # -------------------------------------------------------------------------------------------- command line
-def test_export_dataset_of_the_command_line(made_once, tmp_path, capsys):
+def test_export_on_the_command_line(made_once, tmp_path, capsys):
     line = ["export", "dataset", "--results", str(made_once.folder), "--format", "robomimic", "--images"]
     assert main([*line, "--out", str(tmp_path / "out"), "--licence", "cc-by-4.0"]) == 0
     said = capsys.readouterr().out
@@ -175,7 +172,6 @@ def test_export_dataset_of_the_command_line(made_once, tmp_path, capsys):
     assert main([*line, "--out", str(tmp_path / "out")]) == 1
     assert "exists already" in capsys.readouterr().err
 
-
-def test_export_of_a_model_still_needs_both(capsys):
+    # Export of a model still needs both
     assert main(["export", "--out", "x.onnx"]) == 1
     assert "export needs --study or --model" in capsys.readouterr().err
