@@ -34,7 +34,7 @@ test: $(READY)
 test-thorough: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder --thorough
 
-# What a site, its sensitivities, studies and memory cost, beside a state before: make speed BEFORE=TAG; then other codes
+# What a site, its sensitivities, studies and memory cost, next to a state before: make speed BEFORE=TAG; then other codes
 # where they are installed, and cost against unknowns and presses.
 speed: $(READY)
 	$(BIN)/python benchmarks/speed.py $(if $(BEFORE),--before $(BEFORE))

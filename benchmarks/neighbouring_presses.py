@@ -23,7 +23,7 @@ EXACT = {"force_tolerance": 1e-9, "gap_tolerance": 1e-8, "volume_tolerance": 1e-
 
 
 class Neighbour(Press):
-    """A press beside a base press, with its own body, indenter, settings and path (D, 3) or (D, 6) [mm, rad].
+    """A press next to a base press, with its own body, indenter, settings and path (D, 3) or (D, 6) [mm, rad].
 
     Its mesh must have the base's elements: nodes may lie elsewhere, but not be others.
     """
@@ -44,10 +44,10 @@ class Neighbour(Press):
         super().__init__(body, indenter, settings, base.corrections.solver.name)
         self.centres = np.asarray(centres, dtype=float)
         self.undeformed = self.start_at(_as_long(start, self.centres[0]))
-        self.seconds = 0.0  # wall seconds spent beside the base
+        self.seconds = 0.0  # wall seconds spent next to the base
 
     def beside(self, old: State, before: State, after: State, centre: np.ndarray) -> State:
-        """Return the state at centre beside the base's state `after`, from the state `old` beside `before`.
+        """Return the state at centre next to the base's state `after`, from the state `old` next to `before`.
 
         Raises NotConverged.
         """

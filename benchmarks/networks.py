@@ -1,4 +1,4 @@
-"""The networks beside each other on a finished study's dataset, whose test rows are of orbits that none has seen.
+"""The networks side by side on a finished study's dataset, whose test rows are of orbits that none has seen.
 
 usage: python benchmarks/networks.py [results/benchmark] [--seeds 1 2 3]
        [--networks unet unet-turned cnn paper paper-converged]

@@ -4,7 +4,7 @@ The small sensor of free_forms.py, pressed at 25 places to three depths and held
 noise, zeros and errors of the depth. One intervention a case, of a size that a laboratory would choose; the study knows
 nothing of it. Truth and analysis have the same form, so this shows that the steps work, not that any sensor obeys them:
 what verdicts are worth is in docs/validation.md. Printed by case: what was done, SNR, state, what is said, the value with
-its interval beside the true one, and seconds.
+its interval next to the true one, and seconds.
 
 usage: python benchmarks/protocol.py [--only shim void] [--kept FOLDER]       (one thread; one to four minutes a case)
 """

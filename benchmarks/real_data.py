@@ -1,4 +1,4 @@
-"""Real readings beside predictions: FEATS's GelSight Mini, the article's sensor, and six sets of material tests.
+"""Real readings next to predictions: FEATS's GelSight Mini, the article's sensor, and six sets of material tests.
 
 usage: python benchmarks/real_data.py [feats article materials] [--figure docs/figures/gelsight_mini.png] [--data FOLDER]
 
@@ -101,7 +101,7 @@ def show_table(rows: list, names: list[str]) -> None:
 
 
 def feats(figure: Path | None) -> None:
-    """Print the forces that assumptions predict beside FEATS's, and how far off they are; draw them."""
+    """Print the forces that assumptions predict next to FEATS's, and how far off they are; draw them."""
     read = pd.read_csv(READINGS)
     read = read[read["phase"] == "load"]
     rows = []
@@ -130,7 +130,7 @@ def feats(figure: Path | None) -> None:
 
 
 def article() -> None:
-    """Print the article's 16 readings beside its own two curves and our solutions with its parameters."""
+    """Print the article's 16 readings next to its own two curves and our solutions with its parameters."""
     table, study, rows, all_off = read_table(), load_study(ARTICLE), [], []
     for place, (x, y) in SITES.items():
         published = table[table["location"] == place]

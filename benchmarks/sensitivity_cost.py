@@ -1,4 +1,4 @@
-"""What all derivatives of a site cost beside the site itself, and how well they agree with neighbouring presses.
+"""What all derivatives of a site cost next to the site itself, and how well they agree with neighbouring presses.
 
 The parameters are those that a verdict asks for at this site (effects of the catalogue with their places, boxes of the
 body map) and can be had along one run; with --all-boxes, every box of the body map, felt or not. Those that need solutions
@@ -8,7 +8,7 @@ usage: python benchmarks/sensitivity_cost.py [--x 27 --y 27] [--mesh own | coars
        [--subtracted]
 
 CPU seconds of one thread; the article's sensor, 8 depths; prints Markdown tables. --neighbours: of how many parameters a
-press of its own is followed beside the site, spread over all of them; 0: all.
+press of its own is followed next to the site, spread over all of them; 0: all.
 """
 
 # ruff: noqa: E402  (threads are set before the libraries start theirs)

@@ -1,4 +1,4 @@
-"""One table of what things cost: a site, all its sensitivities, three studies and memory, beside a state before.
+"""One table of what things cost: a site, all its sensitivities, three studies and memory, next to a state before.
 
 usage: python benchmarks/speed.py [--before TAG] [--rounds 3] [--orbits 24] [--grid 9] [--presses 30] [--tolerance 1]
        [--cores 2] [--rows NAME ...]

@@ -84,7 +84,7 @@ def in_a_process(elements: str, near: float | None, far: float | None, place, ba
 
 
 def costs(sizes: list[float], reference: float) -> None:
-    """Print forces at the centre and what they cost, beside those of finer hexahedra."""
+    """Print forces at the centre and what they cost, next to those of finer hexahedra."""
     import pandas as pd
 
     meshes = [("hexahedra", reference)]
@@ -197,7 +197,7 @@ def dome() -> None:
 
 
 def beside_finer(study, laws, planned, cell) -> list[dict]:
-    """Return a row per depth: a cell's forces and bars beside a solve with two thirds of its sizes."""
+    """Return a row per depth: a cell's forces and bars next to a solve with two thirds of its sizes."""
     from gelforge.indentation.solving.companion import simulate_label
 
     mechanics = study.mechanics.model_copy(

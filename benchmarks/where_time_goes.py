@@ -3,7 +3,7 @@
 usage: python benchmarks/where_time_goes.py [--x 27 --y 27] [--repeat 3]
 
 The paper's sensor, default mesh, 8 depths, one thread; prints a Markdown table of medians. Measured with cProfile on the
-process's own clock, whose cost is small beside calls that take a millisecond and more.
+process's own clock, whose cost is small next to calls that take a millisecond and more.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ case shows (`thorough(but_first=n)` keeps the first n cases of a test).
 import os
 from collections import Counter
 
-# Before numpy is imported: two cores are shared by what runs beside the tests, and sums keep their order.
+# Before numpy is imported: two cores are shared by what runs next to the tests, and sums keep their order.
 for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 

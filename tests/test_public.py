@@ -36,7 +36,7 @@ def test_the_package_is_imported_at_once():
 
 
 def test_a_sheared_press_by_nodes_bins_and_derivatives():
-    """Friction in its place, one force in three sums, error bars in squares, and a derivative beside a difference."""
+    """Friction in its place, one force in three sums, error bars in squares, and a derivative next to a difference."""
     sheared = {"shear_mm": (0.2, 0.0), "sensitivities": ["friction"]}
     answer = gf.press(6.0, 6.0, [0.3, 0.6], **ONE_LAYER, **sheared)
     assert answer.phase == ("load", "load", "shear", "shear")

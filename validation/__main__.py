@@ -10,7 +10,7 @@ usage: python -m validation pooled                                   every poole
        python -m validation pack SET [--finished]                    verdicts into validation/judged
        python -m validation unpack SET                               and from there into a set generated again
        python -m validation judge-again SET [SET ...] [--limit 10]   opened sets (SET_again), strong effects first
-       python -m validation again SET [SET ...]                      today's judge beside the former one on those cases
+       python -m validation again SET [SET ...]                      today's judge next to the former one on those cases
        python -m validation trust                                    scores of the sealed sets, into docs/results/verdicts.md
        python -m validation truths SET                               what was hidden in a judged set, into truths.jsonl
 
@@ -65,7 +65,7 @@ def parser() -> argparse.ArgumentParser:
     one = steps.add_parser("judge-again", help="judge cases of opened sets once more, strong effects first")
     one.add_argument("sets", nargs="+")
     one.add_argument("--limit", type=int)
-    one = steps.add_parser("again", help="score today's judge beside the former one on opened sets")
+    one = steps.add_parser("again", help="score today's judge next to the former one on opened sets")
     one.add_argument("sets", nargs="+")
     one = steps.add_parser("claims", help="score archived claims by tempering exponent")
     one.add_argument("sets", nargs="+")
@@ -241,7 +241,7 @@ def _score(asked: argparse.Namespace) -> None:
     text = (
         head
         + table.to_markdown(index=False)
-        + f"\n\nSeconds a case, others running beside it:\n\n{_seconds(found)}"
+        + f"\n\nSeconds a case, others running next to it:\n\n{_seconds(found)}"
         + "\n\n## Cases got wrong\n\n"
         + wrong.to_markdown(index=False)
         + "\n"

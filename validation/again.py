@@ -1,4 +1,4 @@
-"""Sets that are opened, judged once more by today's judge, beside the former judge's verdicts on the very same cases.
+"""Sets that are opened, judged once more by today's judge, next to the former judge's verdicts on the very same cases.
 
 A set NAME is made again as NAME_again (at its own commit), so that the verdicts of its first judging stay in
 judged/NAME.tar.xz; those of today go to judged/NAME_again.tar.xz. Strong single effects come first, then cases in which

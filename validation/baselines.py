@@ -1,5 +1,5 @@
 """What a laboratory would do instead: gain and offset, a Gaussian process on the residual, stepwise regression by BIC, and
-calibration of all effects at once beside a Gaussian process.
+calibration of all effects at once next to a Gaussian process.
 
 They get more than the tool: the generator's own base forces, and the last two its own linearised effects.
 """
@@ -150,7 +150,7 @@ def stepwise_bic(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, tup
 
 
 def kennedy_ohagan(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, tuple, np.ndarray]:
-    """Return state, answer and forces of all effects calibrated at once beside a discrepancy (Kennedy & O'Hagan 2001).
+    """Return state, answer and forces of all effects calibrated at once next to a discrepancy (Kennedy & O'Hagan 2001).
 
     Amounts have the prior N(0, 1) in units of plausible ones, the discrepancy is a Gaussian process over place and depth by
     axis, with the length scales and size of most evidence, or none. All is linear and normal, so the posterior is exact. An

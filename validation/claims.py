@@ -1,7 +1,7 @@
 """How sure the claims of judged sets were, and how sure they should have been: the tempering exponent. SYNTHETIC.
 
 Of every group that was claimed the log odds log(p / (1 - p)) are multiplied by an exponent, and the mean log score of the
-claims is printed, beside how many stay at 0.9 or above and how many of these are right. Where the largest score is at an
+claims is printed, next to how many stay at 0.9 or above and how many of these are right. Where the largest score is at an
 exponent below 1, the probabilities were too sure. `TEMPERING` in
 gelforge/mismatch/evidence/gaussian.py was taken from the thirteenth and fourteenth sets by it.
 """

@@ -1,7 +1,7 @@
 """Strong single effects judged once more with their own effect deleted from the catalogue: nothing else must be named.
 
 Of an effect that nothing else looks like the right answer then has no name; of one that has a twin in the catalogue (a force
-gain beside a gel stiffness) the twin's group is as good. SET/left_out/<case>/ holds configuration and verdict. Truths are
+gain next to a gel stiffness) the twin's group is as good. SET/left_out/<case>/ holds configuration and verdict. Truths are
 opened for this: it comes after judging.
 """
 

@@ -132,7 +132,7 @@ def _without_slip(change: Change, twice: Change) -> Change:
 
 
 def convergence() -> list[dict]:
-    """Return the base's vertical forces beside those of the fine mesh, where both are known."""
+    """Return the base's vertical forces next to those of the fine mesh, where both are known."""
     rows, solutions = [], read_solutions()
     for place in CHECKED:
         if solves.fine_setup(*place) not in solutions:

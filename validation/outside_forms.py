@@ -43,7 +43,7 @@ def cycle(world, size, drawn):
 
 
 def shaft(world, size, drawn):
-    """The indenter's shaft meets a clamp beside the sensor: on one side, beyond a depth, a stop pushes back."""
+    """The indenter's shaft meets a clamp next to the sensor: on one side, beyond a depth, a stop pushes back."""
 
     def remember(world, rows, xy, depth, force):
         side = xy @ np.array([drawn["x"], drawn["y"]]) > 4.5

@@ -49,7 +49,7 @@ DRAWS, SEED = 4000, 39
 
 @dataclass(frozen=True)
 class Scored:
-    """A judged case: what it says beside the truth, and the seconds that it took."""
+    """A judged case: what it says next to the truth, and the seconds that it took."""
 
     set: str
     case: str

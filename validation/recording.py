@@ -52,7 +52,7 @@ class Instrument:
     tared: bool
     ages_days: tuple[float, ...]
     temperatures_C: tuple[float, ...]
-    stage_mm: float = 0.0  # from press to press, beside the session's contact point
+    stage_mm: float = 0.0  # from press to press, next to the session's contact point
 
     @property
     def sigma_N(self) -> np.ndarray:

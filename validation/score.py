@@ -62,7 +62,7 @@ class Rate:
 
 @dataclass(frozen=True)
 class Judged:
-    """What a method said of a case, beside the truth: the tool and the baselines are scored alike."""
+    """What a method said of a case, next to the truth: the tool and the baselines are scored alike."""
 
     content: str
     snr: float
@@ -152,7 +152,7 @@ def cause_of(verdict: dict) -> tuple[tuple[tuple[str, ...], float], ...]:
 
 
 def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None) -> Judged:
-    """Return what a verdict said beside the truth; no verdict is the state `failed`."""
+    """Return what a verdict said next to the truth; no verdict is the state `failed`."""
     true = tuple(effect["name"] for effect in truth["effects"])
     each = tuple(float(effect["snr"]) for effect in truth["effects"])
     if verdict is None:

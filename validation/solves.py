@@ -63,7 +63,7 @@ def _at(sensor: Sensor, x: float, y: float) -> Setup:
 
 
 def defect_setup(name: str, place: str, x: float, y: float, there: bool = True) -> Setup:
-    """Return a press of the small sensor beside a defect; without it, on the same mesh, where it is not there."""
+    """Return a press of the small sensor next to a defect; without it, on the same mesh, where it is not there."""
     (dx, dy), _ = DEFECT_PLACES[place]
     keys = dict(DEFECTS[name])
     ball = Ball((dx, dy, keys.pop("z")), **keys)

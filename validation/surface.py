@@ -13,7 +13,7 @@ class Surface:
     """Cubics from node to node, monotone where the nodes are, and a polynomial over depth.
 
     Where the ball's contact reaches the wall slopes change within half a millimetre: a polynomial through all nodes, or
-    slopes of parabolas, would swing beside it.
+    slopes of parabolas, would swing next to it.
     """
 
     face: NdPPoly  # (D,) values at the depths, over x and y

@@ -58,7 +58,7 @@ class Table:
         return value.replace(".", ",") if comma else value
 
 
-# Recorded forces across the press may have any sign and, beside a large normal force, any small size.
+# Recorded forces across the press may have any sign and, next to a large normal force, any small size.
 LATERAL = ("fx_N", "fy_N")
 TIMES = ("time_s", "Zeit")  # of a material test: slower and faster ones exist
 POSITIONS = ("x_mm", "y_mm")

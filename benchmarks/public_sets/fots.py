@@ -1,4 +1,4 @@
-"""Optical flow of real images beside tracked markers, by search and size of the images: Rancho-zhao/FOTS.
+"""Optical flow of real images next to tracked markers, by search and size of the images: Rancho-zhao/FOTS.
 
 usage: python benchmarks/public_sets/fots.py --source FOLDER
 

@@ -4,7 +4,7 @@ usage: python benchmarks/public_sets/nine_dtact.py --source FOLDER
 
 Two sensors, each with an image at rest and one under a ball of 4.0 mm radius (MIT licence). Neither depth nor force was
 recorded, so that they make no session and validate nothing. The circle is where the image darkens; its radius is taken at
-the threshold of the authors' calibration and at others. The depth lies between that of the ball's cap, as if the gel beside
+the threshold of the authors' calibration and at others. The depth lies between that of the ball's cap, as if the gel next to
 the contact stayed flat, and that of Hertz, a^2 / R, at most the gel's thickness.
 """
 

@@ -1,4 +1,4 @@
-"""Write wedge.stl beside this file: a roof 8 mm long and 6 mm wide whose ridge (120 degrees) points down, ridge at z = 0."""
+"""Write wedge.stl into this folder: a roof 8 mm long and 6 mm wide whose ridge (120 degrees) points down, ridge at z = 0."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Write digit.stl beside this file: a DIGIT's gel drawn from the numbers below, which its gel's CAD file was measured for.
+"""Write digit.stl next to this file: a DIGIT's gel drawn from the numbers below, which its gel's CAD file was measured for.
 
 Source: facebookresearch/digit-design, commit de29222, DIGIT/gel, "Digit Gel.STEP". The frame is the sensor's: origin at a
 corner of the rectangle around it, y towards the fingertip, z = 0 at the crown.

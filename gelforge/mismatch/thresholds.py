@@ -81,8 +81,8 @@ FEW_SITES = round(1 / HELD_OUT)  # below which a quarter of the sites is none
 # 1/120 of the best's probability, about where evidence against it is very strong (1/150, Kass and Raftery 1995).
 REACH = 12.0
 MOST_WITH_ERROR = 50  # such sets
-BEAM = 30  # pairs that a third effect is tried beside
-BESIDE = 6  # best sets beside which a discrepancy is weighed
+BEAM = 30  # pairs that a third effect is tried next to
+BESIDE = 6  # best sets next to which a discrepancy is weighed
 # Standard deviations of a change's own error, below which it moves no evidence: its log moves by 0.1^2 / 2 = 0.005, far
 # below what is worth a mention (Kass and Raftery 1995).
 NOTICED = 0.1
@@ -93,7 +93,7 @@ MOST_FREE = 8  # sets that are fitted and need none
 # Log weight behind the most probable set, within which another one is its competitor: below exp(-5) = 1/150 evidence against
 # it is very strong (Kass and Raftery 1995).
 COMPETITOR = 5.0
-# Of what the real model changes beside the linear change: below one standard deviation the linear pass is not made again, as
+# Of what the real model changes over the linear one: below one standard deviation the linear pass is not made again, as
 # the log evidence moves by SNR^2 / 2 = 0.5, not worth a mention (Kass and Raftery 1995).
 CURVED_SNR = 1.0
 STRONG_SNR = 10.0  # of a defect's change: below it what lies between places is less than noise

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(
     [
         (
             "stl_indenters/study_off_origin",
-            ["lies 126 mm beside the position", "origin_mm: [120.0, -40.0, 310.0]"],
+            ["lies 126 mm next to the position", "origin_mm: [120.0, -40.0, 310.0]"],
         ),
         (
             "stl_sensor/gel_metres",
@@ -58,7 +58,7 @@ def test_check_refuses_in_one_line(case, words, tmp_path, monkeypatch, capfd):
     ("indenter", "words"),
     [
         ("ball_metres", "a body of 0.01 mm on a sensor of 20 mm.* in metres\\? set mm_per_unit: 1000"),
-        ("ball_off_origin", "lies 126 mm beside the position"),
+        ("ball_off_origin", "lies 126 mm next to the position"),
         ("ball_open", "not closed: 88 open edges"),
         ("cone", "touches only"),
         ("ball_good", None),

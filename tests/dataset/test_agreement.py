@@ -1,4 +1,4 @@
-"""Simulated beside measured force: per press, with a naive twin."""
+"""Simulated next to measured force: per press, with a naive twin."""
 
 import numpy as np
 import pandas as pd

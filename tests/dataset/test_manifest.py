@@ -1,4 +1,4 @@
-"""What stands beside the shards: checksums that hold, provenance that is complete, synthetic data called synthetic."""
+"""What stands next to the shards: checksums that hold, provenance that is complete, synthetic data called synthetic."""
 
 import hashlib
 import json

@@ -196,7 +196,7 @@ def test_a_press_carries_what_those_before_it_left(pressed):
     assert (
         again < 0.9 * shallow_new
     )  # pressed twice as deep before; 22 % in tests/indentation/test_effects_history.py
-    assert beside < 0.999 * beside_new  # 3 mm beside a press
+    assert beside < 0.999 * beside_new  # 3 mm next to a press
     assert deep_later == pytest.approx(deep, rel=0.02)  # its own depth has not been seen before
 
 
@@ -268,7 +268,7 @@ def write_failed_cell(path, planned):
 
 
 def test_a_session_goes_on_where_it_was_broken_off(pressed, tmp_path, monkeypatch):
-    """With error bars too, whose coarser sensor softens beside: the second press is solved anew, the first is not."""
+    """With error bars too, whose coarser sensor softens next to: the second press is solved anew, the first is not."""
     study, files = pressed
     study = study.model_copy(update={"mechanics": study.mechanics.model_copy(update={"error_bars": True})})
     cells = plan_cells(study)

@@ -93,7 +93,7 @@ def test_a_robot_that_scatters_has_no_test_position_beside_a_training_one(size, 
     split, _ = planned_split(planned, sensor(*size), 0.2, seed)
     found = separation(planned, split, sensor(*size))
     assert set(split.values()) == {"train", "test"}
-    assert found.smallest_mm > 0.9  # 30 mm: a mirror image lies 1 mm beside a position of its own
+    assert found.smallest_mm > 0.9  # 30 mm: a mirror image lies 1 mm next to a position of its own
     assert found.doubtful == (size == (32, 30))
 
 

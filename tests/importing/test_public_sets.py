@@ -114,7 +114,7 @@ def test_the_script_of_the_page_converts_and_stops_at_code(converted, tmp_path):
         }
     for name in ("one.npy", "one.npz"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
-    assert written("feats", tmp_path, tmp_path)[0].images == 1  # the pickle beside is not asked for
+    assert written("feats", tmp_path, tmp_path)[0].images == 1  # the pickle next to is not asked for
     (tmp_path / "bad.pkl").write_bytes(pickle.dumps({"a": print}))
     run = subprocess.run(
         [sys.executable, str(folder / "unpickle.py"), str(tmp_path)], capture_output=True, text=True

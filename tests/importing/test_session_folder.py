@@ -38,7 +38,7 @@ def test_the_session_is_accepted_and_its_page_shows_the_contacts(session):
     ratio = -held["fz_N"].last().to_numpy() / elastic
     assert ((1 - LAB.relaxes - 0.02 < ratio) & (ratio < 1.0)).all()
 
-    # Page and table of presses lie beside
+    # Page and table of presses lie next to
     page = cv2.imread(str(folder / "import.png"))
     assert page.shape[1] > 1000
     found = pd.read_csv(folder / "import.csv")

@@ -333,13 +333,13 @@ def test_what_fails_beside_a_cell_is_recorded_and_the_cell_stays(monkeypatch):
 
     # Derivatives that do not converge are recorded and the cell stays
     def lost(*_):
-        raise NotConverged("no equilibrium beside it")
+        raise NotConverged("no equilibrium next to it")
 
     monkeypatch.setattr(companion, "sensitivities", lost)
     study = specimens.study(sensitivities=["gel_stiffness"], error_bars=False)
     cell = simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED)
     assert cell.converged and "sensitivity_total" not in cell.arrays
-    assert cell.attributes["sensitivity_reason"] == "no equilibrium beside it"
+    assert cell.attributes["sensitivity_reason"] == "no equilibrium next to it"
 
 
 def test_a_released_press_has_finite_bars_and_does_not_spoil_the_others():

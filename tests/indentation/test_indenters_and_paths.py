@@ -207,7 +207,7 @@ def test_an_indenter_that_turns_rubs_and_leans():
 
 
 def test_force_on_the_side_faces_is_stored_apart_and_flagged():
-    """A ball that comes down beside the edge touches the rim first, then the side, and pushes it inwards."""
+    """A ball that comes down next to the edge touches the rim first, then the side, and pushes it inwards."""
     beside = {"kind": "sphere", "radius_mm": 2.0, "offset_mm": [-2.2, 0.0, 0.0]}
     above = {
         "kind": "sphere",

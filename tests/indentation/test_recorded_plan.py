@@ -79,7 +79,7 @@ def test_every_recorded_indentation_joins_a_plan_from_its_session(tmp_path, seed
 @pytest.mark.parametrize("turn", [0.0, 0.6435011])
 @pytest.mark.parametrize("gap", [0.01, 0.0100005, 0.0102])
 def test_a_position_at_the_tolerance_is_within_it_everywhere(tmp_path, gap, turn):
-    """Of an indentation that moves, of one beside its site, of a depth, of sites beside each other."""
+    """Of an indentation that moves, of one next to its site, of a depth, of sites side by side."""
     away = gap * np.array([np.cos(turn), np.sin(turn)])
     x, y = np.round(np.array([16.0, 16.0]) + away, 7)
     inside = gap < 0.0101

@@ -62,7 +62,7 @@ def test_a_ball_touches_a_hemisphere_a_sum_of_radii_away(mesh):
     assert_allclose(straight[:2], place)
     assert straight[2] == pytest.approx(-10.0 + np.sqrt(15.0**2 - 10.0), abs=0.01)
 
-    # No surface lies beside the dome
+    # No surface lies next to the dome
     with pytest.raises(ValueError, match=r"no top surface lies over \(0\.5, 0\.5\) mm"):
         surface_point(mesh, 0.5, 0.5)
 

@@ -146,7 +146,7 @@ def test_bins_of_a_centred_cell_have_the_symmetry_of_the_square():
 
 
 def test_two_solves_give_the_same_bytes(tmp_path):
-    """On one machine with one thread; what differs, seconds, stands beside the cell."""
+    """On one machine with one thread; what differs, seconds, stands next to the cell."""
     study = specimens.study(store_displacement=True, error_bars=True)
     uncertain = {"soft": [LAWS["soft"]]}
     for name in ("one", "other"):

@@ -1,4 +1,4 @@
-"""Sizes in another unit than mm, origins beside the body: asked about, with the key that mends or confirms."""
+"""Sizes in another unit than mm, origins next to the body: asked about, with the key that mends or confirms."""
 
 import re
 
@@ -177,19 +177,19 @@ def test_a_fine_pin_and_a_large_plate_can_be_confirmed():
 
 def test_a_file_whose_body_lies_beside_its_origin_is_asked_about(tmp_path):
     away = body(tmp_path, shift=(120.0, -40.0, 310.0))
-    with pytest.raises(ConfigError, match=r"lies 126 mm beside the position") as refused:
+    with pytest.raises(ConfigError, match=r"lies 126 mm next to the position") as refused:
         planned(away)
     assert "set origin_mm: [120.0, -40.0, 310.0]" in str(refused.value) and "origin_mm: [0, 0, 0]" in str(
         refused.value
     )
     assert planned(away | {"origin_mm": [120.0, -40.0, 310.0]})
-    with pytest.raises(ConfigError, match="no depth touches: .* lies beside the sensor, 126 mm"):
+    with pytest.raises(ConfigError, match="no depth touches: .* lies next to the sensor, 126 mm"):
         planned(away | {"origin_mm": [0.0, 0.0, 0.0]})
 
-    # A finger that presses 3 mm beside the position on purpose; and one whose file puts the
+    # A finger that presses 3 mm next to the position on purpose; and one whose file puts the
     # position under its edge.
     beside = body(tmp_path, shift=(3.0, 0.0, 0.0))
-    with pytest.raises(ConfigError, match="lies 3 mm beside the position"):
+    with pytest.raises(ConfigError, match="lies 3 mm next to the position"):
         planned(beside)
     assert planned(beside | {"origin_mm": [0.0, 0.0, 0.0]})
     assert planned(body(tmp_path, shift=(1.9, 0.0, 0.0)))

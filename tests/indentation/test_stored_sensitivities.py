@@ -26,7 +26,7 @@ TIGHT = {
 PLANNED = PlannedCell("place", 10.3, 9.2, (0.3, 0.6))
 RELEASED = press_path("place", 10.3, 9.2, [0.3, 0.6], None, unload=True)
 DERIVABLE = [name for name in CATALOGUE if derivable(name)]
-# Their mesh or path is another: two solutions are subtracted, nothing is followed beside a base.
+# Their mesh or path is another: two solutions are subtracted, nothing is followed next to a base.
 SUBTRACTED = ["elastic_base", "viscoelastic", "mullins", "frame_compliance", "base_bending"]
 
 
@@ -110,7 +110,7 @@ def test_a_subtracted_derivative_predicts_other_amounts_than_its_own(stored, nam
 
 
 def test_which_derivatives_are_subtracted(stored, request):
-    """Those that are the difference of two solutions to rounding; all others are followed beside the base.
+    """Those that are the difference of two solutions to rounding; all others are followed next to the base.
 
     By default of those that other tests here solve for.
     """
@@ -125,7 +125,7 @@ def test_which_derivatives_are_subtracted(stored, request):
 
 
 def test_a_base_that_yields_has_its_own_forces_and_derivatives():
-    """Beside it nothing can be followed: differences of cells, as d Fz / d gel without any compliance but for a little."""
+    """Next to it nothing can be followed: differences of cells, as d Fz / d gel without any compliance but for a little."""
     study = specimens.study(**TIGHT)
     yielding = CATALOGUE["frame_compliance"](study, 0.05)
     cell = simulate_cell(yielding, specimens.STUDY_LAWS, PLANNED)

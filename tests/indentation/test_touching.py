@@ -63,10 +63,10 @@ def test_what_never_touches_is_refused_before_anything_is_solved():
         plan_cells(study(balls(1.0)))
     assert plan_cells(study(balls(1.0, need_not_touch=True)))
 
-    # A ball beside the sensor is refused
+    # A ball next to the sensor is refused
     wide = balls(0.0)
     wide["parts"][1]["offset_mm"] = [12.0, 0.0, 0.0]
-    with pytest.raises(ConfigError, match="part 2 never touches: it lies beside the sensor there"):
+    with pytest.raises(ConfigError, match="part 2 never touches: it lies next to the sensor there"):
         plan_cells(study(wide))
     wide["parts"][1]["need_not_touch"] = True
     assert plan_cells(study(wide))
@@ -75,7 +75,7 @@ def test_what_never_touches_is_refused_before_anything_is_solved():
     with pytest.raises(ConfigError, match="need_not_touch is for one of several parts"):
         study({"radius_mm": 3.0, "need_not_touch": True})
 
-    # Positions beside a dome are refused
+    # Positions next to a dome are refused
     dome = {"shape": {"kind": "dome"}, "wall_mm": 0.0}
     assert plan_cells(study(sensor=dome))
     with pytest.raises(ConfigError, match=r"no surface of the sensor lies below \(2, 2\) mm"):

@@ -1,4 +1,4 @@
-"""Labels between finite-element solutions: held-out sites beside what is solved there, on a coarse mesh."""
+"""Labels between finite-element solutions: held-out sites next to what is solved there, on a coarse mesh."""
 
 from functools import cache
 
@@ -45,7 +45,7 @@ def sites() -> SolvedSites:
 
 
 def test_nodes_at_their_own_place_give_the_bins_of_the_mesh():
-    """Shape functions of the mesh beside hats of the nodes' areas: two hundredths of the largest bin on a coarse mesh."""
+    """Shape functions of the mesh next to hats of the nodes' areas: two hundredths of the largest bin on a coarse mesh."""
     for cell in sites().cells.values():
         place = np.array([cell.attributes["x_mm"], cell.attributes["y_mm"]])
         moved = NodalForces.of(cell).binned(place, STUDY.sensor).reshape(2, -1, 6)

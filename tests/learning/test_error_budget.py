@@ -78,7 +78,7 @@ def test_the_parts_are_never_more_than_the_whole(error, optics, expected):
 
 # ------------------------------------------------------------------------------------- the flow of true motion
 def smoothed(flow):
-    """Return flow (N, 64, 2) as a tracker might show it: 0.6 of a region's and 0.1 of the four beside it."""
+    """Return flow (N, 64, 2) as a tracker might show it: 0.6 of a region's and 0.1 of the four next to it."""
     grid = np.pad(flow.reshape(-1, 8, 8, 2), ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
     beside = grid[:, :-2, 1:-1] + grid[:, 2:, 1:-1] + grid[:, 1:-1, :-2] + grid[:, 1:-1, 2:]
     return (0.6 * grid[:, 1:-1, 1:-1] + 0.1 * beside).reshape(flow.shape)

@@ -146,7 +146,7 @@ def test_baselines_stand_beside_the_network(evaluated):
         assert table.loc[name, "total_Fz_rms_N"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
     assert table.loc["zero", "centre_of_pressure_median_mm"] == np.inf
 
-    # Scikit learns baselines stand beside
+    # Scikit learns baselines stand next to
     predictions, true = Predictions(evaluated[1]), maps(evaluated[1])[1]
     assert predictions.baselines == ["kernel ridge", "nearest neighbours", "ridge"]
     for name in predictions.baselines:

@@ -38,7 +38,7 @@ def test_seeds_make_networks(name):
 
 
 def test_a_unet_keeps_places():
-    """What moves beside the left side of the image loads bins there first: x of regions is x of bins, and so is y."""
+    """What moves next to the left side of the image loads bins there first: x of regions is x of bins, and so is y."""
     network = make_network(Learning(), Grids(40, 20, 20), seed=0)
     torch.nn.init.ones_(network.last.weight)
     maps = torch.zeros(1, 2, 40, 40)

@@ -117,7 +117,7 @@ def test_intervals_need_rows_and_only_labels_with_bars_widen_them():
     predicted, true, _ = rows(20, 1)
     assert found(predicted, labels_of(true)) is None
 
-    # Where simulated rows, which have none, stand beside recorded ones.
+    # Where simulated rows, which have none, stand next to recorded ones.
     predicted, true, _ = rows(300, 1)
     labels = labels_of(true, 0.1)
     labels.bin_sigma[30:] = np.nan

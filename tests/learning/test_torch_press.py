@@ -1,4 +1,4 @@
-"""A press as a function of PyTorch: gradients beside central differences of the finite elements, and what has none."""
+"""A press as a function of PyTorch: gradients next to central differences of the finite elements, and what has none."""
 
 import pytest
 import torch
@@ -46,7 +46,7 @@ def test_gradients_are_those_of_central_differences():
 
 
 def test_gradients_along_the_place_are_those_of_a_shift_of_all_positions():
-    """tests/indentation/test_carried_place.py has that derivative beside differences; along y it is the mirrored press's."""
+    """tests/indentation/test_carried_place.py compares that one with differences; along y it is the mirrored press's."""
     place = [torch.tensor(value, dtype=torch.float64, requires_grad=True) for value in PLACE]
     gf.torch_press(*place, 0.7, **TWO_STEPS).total_N[-1, 0].backward()
     shifted = gf.press(*PLACE, [0.35, 0.7], **ONE_LAYER, sensitivities=["misregistration"])

@@ -374,7 +374,7 @@ def test_tests_that_no_law_describes_are_said_not_to_be_described():
     well = compare_laws(mean_curves(exact(GEL)), ["ogden2", "neo_hooke"])
     assert well.misfit == []
 
-    # A closer law that is unstable is named beside a poor fit
+    # A closer law that is unstable is named next to a poor fit
     lam = np.linspace(1.0, 1.5, 60)
     falls = MaterialTest(
         "uniaxial", "t", lam, 0.1 * np.sin((lam - 1) * 4)

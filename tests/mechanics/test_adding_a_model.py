@@ -20,7 +20,7 @@ def test_file_and_models_agree():
 def test_the_guides_example_is_a_model(tmp_path):
     """As printed it enters by its file: given, fitted, kept in law.json, and in an element as compiled loops see it.
 
-    Beside it two laws whose routines are of other kinds: of the stretches, and with mixed derivatives.
+    Next to it two laws whose routines are of other kinds: of the stretches, and with mixed derivatives.
     """
     shutil.copy(EXAMPLE, tmp_path)
     paths = os.pathsep.join([os.getcwd(), str(HERE.parent), os.environ.get("PYTHONPATH", "")])

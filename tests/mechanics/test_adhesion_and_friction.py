@@ -18,7 +18,7 @@ from gelforge.mechanics.solving.equilibrium import Press
 WORK, RANGE = 1e-4, 0.2  # N/mm, mm
 STIFF = {
     "gel": NeoHooke(50.0)
-}  # MPa: moves by less than 1e-5 mm under these pulls, so that it is rigid beside RANGE
+}  # MPa: moves by less than 1e-5 mm under these pulls, so that it is rigid next to RANGE
 
 
 def adhesive_press(indenter, near=0.5, law=STIFF, **settings):

@@ -153,7 +153,7 @@ def test_eigenvectors_of_every_lane():
     assert np.abs(np.swapaxes(V, 1, 2) @ V - np.eye(3)).max() < 1e-14
     assert (np.abs(np.einsum("nia,na,nja->nij", V, values, V) - A) <= 1e-13 + 1e-14 * size).all()
 
-    # Large matrices, which rounding keeps from being diagonal at once, beside such as are.
+    # Large matrices, which rounding keeps from being diagonal at once, next to such as are.
     A = symmetric(np.exp(np.array([0.1, 6.0] * LANES)[:, None] * rng.normal(size=(2 * LANES, 3))))
     values, V = eigen_of(A)
     for k in range(len(A)):

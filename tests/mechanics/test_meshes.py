@@ -98,7 +98,7 @@ def test_neighbours_differ_by_one_halving_and_cross_no_interface(case):
     largest, smallest = np.zeros(len(mesh.X)), np.full(len(mesh.X), np.inf)
     np.maximum.at(largest, mesh.elements, size[:, None])
     np.minimum.at(smallest, mesh.elements, size[:, None])
-    # base cells differ by some tenths, because lines meet walls and interfaces: 3.5 and 2.25 mm beside the corner
+    # base cells differ by some tenths, because lines meet walls and interfaces: 3.5 and 2.25 mm next to the corner
     assert (largest / smallest).max() < 2 * 1.6
 
     # No element crosses an interface

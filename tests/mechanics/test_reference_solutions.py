@@ -1,4 +1,4 @@
-"""The reference solutions beside published numbers and limits: what judges must itself be judged."""
+"""The reference solutions next to published numbers and limits: what judges must itself be judged."""
 
 import closed_forms
 import numpy as np

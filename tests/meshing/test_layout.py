@@ -1,4 +1,4 @@
-"""How solids may lie to one another: nested, as slabs that touch, or beside each other on the base."""
+"""How solids may lie to one another: nested, as slabs that touch, or side by side on the base."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Artificial readings beside a base, for tests of the inference: a force that grows like Hertz's, no mechanics solved."""
+"""Artificial readings next to a base, for tests of the inference: a force that grows like Hertz's, no mechanics solved."""
 
 from __future__ import annotations
 

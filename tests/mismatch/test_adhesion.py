@@ -41,7 +41,7 @@ def test_the_contact_is_that_of_the_formula_up_to_its_pull_off():
 
 
 def test_deficit_at_no_depth_at_a_large_one_and_after_the_turn():
-    """4/3 pi w R at depth 0, pi w R where the contact is large beside that at which it parts."""
+    """4/3 pi w R at depth 0, pi w R where the contact is large next to that at which it parts."""
     depths = np.array([1e-6, 1.9])
     found = HALF_SPACE.pull(W, depths, np.full(2, 100.0))
     assert found[0] == pytest.approx(4 / 3 * np.pi * W * R, rel=1e-3)

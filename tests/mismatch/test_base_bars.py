@@ -7,7 +7,7 @@ from gelforge.api.studies import paper_study
 from gelforge.mismatch.fem.nominal import large_elements
 from gelforge.mismatch.fem.solver import SIDEWAYS, base_bars
 
-# Fx and Fz [N] of the small sensor of validation/, from 0.8 mm on, 6 mm beside its middle and 6 mm along each axis:
+# Fx and Fz [N] of the small sensor of validation/, from 0.8 mm on, 6 mm next to its middle and 6 mm along each axis:
 # on elements of 0.3 mm and of 0.6 mm, and FElupe's (validation.checks.between_codes --bases concealed --sizes 0.3 0.6)
 OWN = np.array(
     [

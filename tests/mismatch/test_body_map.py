@@ -78,7 +78,7 @@ def test_boxes_fill_the_layers_by_shares_and_leave_the_wall():
 
 @pytest.fixture(scope="module")
 def along():
-    """Return the cell beside which they are taken, and the derivatives of its forces along every box, and along all."""
+    """Return the cell next to which they are taken, and the derivatives of its forces along every box, and along all."""
     planned = PlannedCell("t", *specimens.CORNER, DEPTHS)
     every = {str(k): BOX.to_study(STUDY, box, [STEP]) for k, box in enumerate(boxes(STUDY))}
     names = {layer.name: 1 + STEP for layer in STUDY.sensor.layers} | {"wall": 1.0}

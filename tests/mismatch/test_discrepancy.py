@@ -80,7 +80,9 @@ def test_effects_beside_a_cause_that_is_sure_have_the_amounts_that_they_have_bes
         flat(problem.observations.force - again.after) - model.change, model.rest, rtol=0, atol=1e-9
     )
     grown, before = (np.diag(one.covariance) for one in (again.fit, answer.fit))
-    assert (grown >= before).all() and (grown > before).any()  # a map beside them leaves the amounts no surer
+    assert (grown >= before).all() and (
+        grown > before
+    ).any()  # a map next to them leaves the amounts no surer
     unphysical = replace(model, fit=replace(model.fit, amounts=tuple(1e3 + a for a in model.fit.amounts)))
     for other in (replace(model, probability=0.5), unphysical, None):
         assert _beside_cause(problem, answer, other) is answer

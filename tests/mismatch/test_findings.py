@@ -126,7 +126,7 @@ def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probabil
 
 
 def test_amounts_in_place_of_an_effect_are_those_beside_the_others():
-    """Of two effects that act together, what may stand in place of one is as large as it is beside the other."""
+    """Of two effects that act together, what may stand in place of one is as large as it is next to the other."""
     base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
     tilt = CATALOGUE["tilt"].to_forces(base, {}, base.force, np.array([2.5, 0.0]))
     both = CATALOGUE["viscoelastic"].to_forces(base, {"part": "gel", "time_s": 1.0}, tilt, np.array([0.5]))

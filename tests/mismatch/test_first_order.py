@@ -101,7 +101,7 @@ def force(name, k, amount):
 
 @cache
 def derivatives_at(mu):
-    """Return force and derivatives (1, 3) by key of all effects beside one base, as the judge takes them."""
+    """Return force and derivatives (1, 3) by key of all effects next to one base, as the judge takes them."""
     asked = {}
     for name, k in CASES:
         effect = EFFECTS[name]

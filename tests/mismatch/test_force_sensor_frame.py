@@ -128,7 +128,7 @@ def tilted_readings(by_stage):
 
 
 def test_a_frame_that_is_not_said_is_taken_for_a_cross_talk():
-    """A recorded force that keeps to the stage's axes, beside derivatives by the sensor's."""
+    """A recorded force that keeps to the stage's axes, next to derivatives by the sensor's."""
     for by_stage, names in ((True, {"tilt"}), (False, {"tilt", "cross_talk"})):
         _, found = judged(tilted_readings(by_stage))
         assert {part.name for part in found.answer.fit.parts} == names, found.answer.groups

@@ -47,7 +47,7 @@ def test_a_study_has_the_friction_that_makes_the_map():
         axis=0,
     )
     assert mu - before.friction == pytest.approx(own.basis @ small, rel=2e-3)
-    # more of it comes beside what the study has
+    # more of it comes next to what the study has
     again = own.to_study(study, own.basis @ small).mechanics.effects.contact.pressure_terms
     assert len(again) == 6
     assert own.to_study(context.study, 0 * p) == context.study

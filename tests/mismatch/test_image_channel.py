@@ -1,4 +1,4 @@
-"""The images' channel on a small SYNTHETIC session: measured beside predicted flow, columns, covariance, both channels."""
+"""The images' channel on a small SYNTHETIC session: measured next to predicted flow, columns, covariance, both channels."""
 
 import sys
 from dataclasses import replace
@@ -366,7 +366,7 @@ def test_what_the_forces_find_predicts_the_images_better(study, truth, tmp_path)
     assert len(verdict.answer) == 1 and verdict.answer[0].members[0] == "contact_zero"
     (deeper,) = next(effect for effect in verdict.effects if effect.name == "contact_zero").amounts
     low, high = deeper.interval_90
-    # beside the interval a tenth, by which a change on the coarser mesh may err
+    # next to the interval a tenth, by which a change on the coarser mesh may err
     assert low - 0.1 * DEEPER_MM < DEEPER_MM < high + 0.1 * DEEPER_MM
     flow = verdict.fit.flow
     assert flow.used == "predicted" and flow.p < 1e-3

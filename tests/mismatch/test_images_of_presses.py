@@ -56,7 +56,7 @@ def test_a_side_goes_with_the_sensor(symmetry):
 
 
 def test_forces_beside_a_broken_wall_are_mirrored():
-    """Full solutions: the wall at the low end of y pressed beside it, and that of x at the image."""
+    """Full solutions: the wall at the low end of y pressed next to it, and that of x at the image."""
     study, forces = specimens.study(), []
     for shape, place in (
         ({"part": "wall", "side": "y_low"}, (6.0, 3.5)),

@@ -70,7 +70,7 @@ def test_with_play_a_press_stays_behind_and_without_it_is_the_base(tmp_path):
     played = forces_with(solver, base, [(PLAY, {}, [0.6, 0.0])])
     slope = base.context.derivative("misregistration.x")
     assert_allclose(played - base.context.force, np.array([[-0.3], [0.3], [0.0]]) * slope, atol=1e-12)
-    assert np.abs(slope[1]).max() > 1e-4  # beside the middle
+    assert np.abs(slope[1]).max() > 1e-4  # next to the middle
 
     # No play is the base bit for bit
     found = pressed([0, 1], [[1, 0], [-1, 1]])

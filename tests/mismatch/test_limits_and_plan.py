@@ -179,7 +179,7 @@ def test_plan_prints_and_writes_what_to_record_next(home, judged, capsys):
     capsys.readouterr()
     assert command(home, "plan", "--out", judged) == 0
     table, printed = pd.read_csv(judged / "experiments.csv"), capsys.readouterr().out
-    # beside a last, empty column whose name is the checksum
+    # next to a last, empty column whose name is the checksum
     assert list(table.columns)[:-1] == [
         "tells apart",
         "experiment",

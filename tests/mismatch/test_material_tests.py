@@ -72,7 +72,7 @@ def power_law(time, lam, P):
 
 
 def flowing(time, lam, P, stiffness=0.15, n=6, at=0.02):
-    """Flow of another form than the analysis has: beside the law, a spring whose dashpot creeps as stress^n (Norton)."""
+    """Flow of another form than the analysis has: next to the law, a spring whose dashpot creeps as stress^n (Norton)."""
 
     def slower(t, s):
         return (
@@ -247,7 +247,7 @@ def test_linear_changes_have_the_evidence_of_a_normal_density():
 
 
 def test_what_is_not_there_is_not_in_the_most_probable_set():
-    """A change that is nothing but a gain: the offset beside it is paid for and not had."""
+    """A change that is nothing but a gain: the offset next to it is paid for and not had."""
     found = [posterior_of(linear_readings(seed, offset=0.0).changed_by(LINEAR))[0] for seed in range(5)]
     assert all(one.ranked()[0] == {"force_gain"} for one in found)
     assert all(one.holding(["force_offset"]) < 0.5 for one in found)

@@ -20,7 +20,7 @@ TRIED = {"force_offset", "tilt", "yaw"}  # none of them follows a share that fal
 
 
 def bending(*effects):
-    """Return a problem whose pressing force is off by such a share, with effects (name, amounts) beside it."""
+    """Return a problem whose pressing force is off by such a share, with effects (name, amounts) next to it."""
     context = artificial.context(23, per_side=4)
     force = context.force.copy()
     for name, amounts in effects:

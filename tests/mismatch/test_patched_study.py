@@ -118,7 +118,7 @@ def test_a_patched_base_is_followed_in_the_time_of_the_readings(name, shape, amo
     there = patched(plain, patch_of(plain, CATALOGUE, [term]))
     judged_by = base_of(replace(solver, study=there), planned, [])
     assert_allclose(judged_by.context.force, after, rtol=0, atol=SAME * np.abs(after).max())
-    # What a refit beside it changes is its own, and not what the time has changed already.
+    # What a refit next to it changes is its own, and not what the time has changed already.
     still = forces_with(
         replace(solver, study=there), judged_by, [(CATALOGUE["gel_stiffness"], {}, np.array([1e-9]))]
     )

@@ -93,7 +93,7 @@ def test_what_a_curved_effect_does_is_no_second_effect():
 
 
 def test_what_is_solved_in_order_is_solved_at_the_end_of_a_fit_and_for_the_answer():
-    """A softening gel beside a wall: fits take its change for linear, as each solution follows all presses anew."""
+    """A softening gel next to a wall: fits take its change for linear, as each solution follows all presses anew."""
     patterns = {"mullins": [1, 0, 0], "wall_stiffness": [0, 1, 0], "skin_stiffness": [0, 0, 1]}
     problem, solved = patterned(patterns, linear(patterns), [0.2, 0.2, 0.0])
     found = judge(problem, SETTINGS, seed=1).answer
@@ -104,7 +104,7 @@ def test_what_is_solved_in_order_is_solved_at_the_end_of_a_fit_and_for_the_answe
 
 
 def test_the_largest_effect_is_fitted_alone_first():
-    """Its curvature looks like a second effect to the linear pass, which has it beside 60 standard deviations of change."""
+    """Its curvature looks like a second effect to the linear pass, which has it next to 60 standard deviations of change."""
     patterns = {"gel_stiffness": (1, 0, 0), "friction": (0, 0.5, 0.5), "skin_stiffness": (0, 0, 1)}
 
     def curved(amounts):

@@ -1,4 +1,4 @@
-"""Derivatives that are stored beside the sites: a verdict takes them for its own, and solves what they do not say."""
+"""Derivatives that are stored next to the sites: a verdict takes them for its own, and solves what they do not say."""
 
 from dataclasses import replace
 

@@ -15,7 +15,7 @@ from gelforge.mismatch.fem.solver import base_of
 from gelforge.mismatch.readings.observations import COLUMNS, Observations
 
 MIDDLE, EDGE, MIRRORED = (8.0, 8.0), (8.0, 1.1), (1.1, 8.0)  # of 16 mm; the wall is 1 mm thick
-DEEP = 2.3  # mm: beside the wall a ball of 5 mm finds no equilibrium there, in the middle it does
+DEEP = 2.3  # mm: next to the wall a ball of 5 mm finds no equilibrium there, in the middle it does
 
 
 def pressed(*presses):

@@ -148,7 +148,7 @@ def test_each_state_has_its_form_and_no_further_condition():
     fit = content()["fit"] | {"held_out": None}
     assert Verdict.model_validate(content(answer=both, fit=fit)).identified
 
-    # What is not sure may stand beside what is
+    # What is not sure may stand next to what is
     found = content(
         answer=[
             {"members": [name], "probability": p} for name, p in (("gel_stiffness", 0.97), ("friction", 0.6))

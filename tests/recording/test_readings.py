@@ -162,7 +162,7 @@ def test_a_force_that_stays_at_its_largest_while_presses_go_deeper_is_refused(
     [((0, 0, 0, 0), (0.07, 0.02, 0.05, 0.07)), ((0.05, 0.15, 0.05, 0.05), (0.15, 0.15, 0.15, 0.15))],
 )
 def test_rounded_noise_that_is_largest_at_several_depths_is_not_a_saturated_sensor(tmp_path, zeros, loads):
-    """Sideways forces of a press beside the middle are within the noise: what is rounded to 10 mN is often equal."""
+    """Sideways forces of a press next to the middle are within the noise: what is rounded to 10 mN is often equal."""
     at = [HEADER]
     for k, (depth, zero, x) in enumerate(zip((0.25, 0.5, 0.75, 1.0), zeros, loads)):
         at += [

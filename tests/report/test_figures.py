@@ -97,7 +97,7 @@ def test_boundary_edges_are_outline_and_interface():
     assert same == outline
     assert other == outline | {(1, 4)}
 
-    # A square of side 2 beside two of side 1: node 4 hangs on its edge (1, 2).
+    # A square of side 2 next to two of side 1: node 4 hangs on its edge (1, 2).
     xz = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [2, 1], [3, 0], [3, 1], [3, 2]], float)
     quads = np.array([[0, 1, 2, 3], [1, 5, 6, 4], [4, 6, 7, 2]])
     outline = {(0, 1), (2, 3), (0, 3), (1, 5), (5, 6), (6, 7), (2, 7)}

@@ -1,4 +1,4 @@
-"""False flow of untouched images beside that of indentations, and what the flow lost."""
+"""False flow of untouched images next to that of indentations, and what the flow lost."""
 
 import fake_results
 import numpy as np

@@ -1,4 +1,4 @@
-"""Two judges beside each other on the cases of opened sets."""
+"""Two judges side by side on the cases of opened sets."""
 
 import pytest
 

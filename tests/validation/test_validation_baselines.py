@@ -1,4 +1,4 @@
-"""Calibration of all effects beside a Gaussian process, against one large normal distribution of all that is unknown."""
+"""Calibration of all effects next to a Gaussian process, against one large normal distribution of all that is unknown."""
 
 import numpy as np
 import pandas as pd

@@ -26,7 +26,7 @@ def imported(path: Path) -> set[str]:
 
 
 def foreign(names: set[str]) -> list[str]:
-    """Return what of the package the generator imports beside the file format, and what of the checks."""
+    """Return what of the package the generator imports next to the file format, and what of the checks."""
     return sorted(
         name
         for name in names

@@ -1,4 +1,4 @@
-"""The solutions that are kept beside the generator: all of them, and what is written is read again."""
+"""The solutions that are kept next to the generator: all of them, and what is written is read again."""
 
 from concurrent.futures import Future
 

@@ -42,7 +42,7 @@ def test_it_does_not_swing_beside_a_kink():
     x = np.linspace(0.0, 6.8, 400)
     found = over(pull, np.ones_like, sign=-1).at(x, 0 * x, 0 * x)
     assert (np.diff(found) > 0).all() and found[0] == 0
-    # a kink between two nodes is rounded, by less than their chord passes beside it
+    # a kink between two nodes is rounded, by less than their chord passes next to it
     assert np.abs(found - pull(x)).max() < 0.07 * (5.7 - 5.5) * (6.0 - 5.7) / (6.0 - 5.5)
 
 

@@ -13,7 +13,7 @@ from gelforge.mechanics.bodies.body import Body, SmallStrainBody
 from gelforge.mechanics.sensitivities.direct import Varied, follow_with_slopes
 from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 
-LITTLE = 1e-4  # beside which few nodes change between open, stick and slip: there differences jump, derivatives do not
+LITTLE = 1e-4  # next to which few nodes change between open, stick and slip: there differences jump, derivatives do not
 SHEAR = np.array([[0.0, 0.0, -0.4], [0.0, 0.0, -0.8], [0.1, 0.0, -0.8], [0.25, 0.05, -0.8], [0.1, 0.0, -0.7]])
 TURNED = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.02, 0.01, 0.02], [0.0, 0.01, 0.05]])
 
@@ -41,7 +41,7 @@ def along(base, varied, amount=AMOUNT):
 
 
 def neighbours(base, varied, amount=AMOUNT):
-    """The same by a press of its own beside the base for each parameter."""
+    """The same by a press of its own next to the base for each parameter."""
     body, ball, settings, start, centres = base
     press = Press(body, ball, settings)
     near = [Neighbour(press, *one) for one in varied]

@@ -65,7 +65,7 @@ PARAMETERS = {
 
 @pytest.fixture(scope="module")
 def beside():
-    """Return per parameter the forces (D, 3) and bins (D, B, 3) differentiated beside one base run."""
+    """Return per parameter the forces (D, 3) and bins (D, B, 3) differentiated next to one base run."""
     body, ball, settings, start, centres = model()
     base = Press(body, ball, settings)
     neighbours = [Neighbour(base, *vary(AMOUNT)) for vary in PARAMETERS.values()]

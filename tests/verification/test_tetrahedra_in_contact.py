@@ -1,4 +1,4 @@
-"""Contact of quadratic tetrahedra beside known solutions: their corners carry no force, the middles of their edges all."""
+"""Contact of quadratic tetrahedra next to known solutions: their corners carry no force, the middles of their edges all."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A folder with everything a run needs, so that tests run Snakemake beside the checkout and not in it."""
+"""A folder with everything a run needs, so that tests run Snakemake next to the checkout and not in it."""
 
 import os
 import shutil

@@ -189,7 +189,7 @@ def edited(folder, name, old, new):
     ],
 )
 def test_what_is_wrong_with_a_recording_stops_before_any_job(checkout, spoil, words):
-    """With keep-going the cells would go on for hours beside the reading that failed."""
+    """With keep-going the cells would go on for hours next to the reading that failed."""
     spoil(own_study(checkout))
     refused = checkout.snakemake("--cores", "1", "--configfile", "config/own.yaml", check=False)
     assert refused.returncode == 1

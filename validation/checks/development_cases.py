@@ -25,7 +25,7 @@ SETS = Path("results/concealed/sets")
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """A single effect that is hidden in a recording, and the recording beside its base."""
+    """A single effect that is hidden in a recording, and the recording next to its base."""
 
     name: str
     hidden: dict  # name, form, amounts, snr; where, if it has a place

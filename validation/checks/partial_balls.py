@@ -1,9 +1,9 @@
-"""What a ball in the gel changes: by element size and rule of mixing, by distance, and beside FElupe's mesh bent to it.
+"""What a ball in the gel changes: by element size and rule of mixing, by distance, and next to FElupe's mesh bent to it.
 
 usage: python -m validation.checks.partial_balls [--depth 0.8] [--sizes 1.2 0.6 0.4]          (one thread; some minutes)
 
 The base study of the concealed sets, a ball of 1.3 mm in the middle of the gel, empty (a thousandth of the gel's stiffness)
-and hard (20 times), pressed 1.4 mm beside it. Far from the contact elements have the sizes that are asked for, under it half
+and hard (20 times), pressed 1.4 mm aside. Far from the contact elements have the sizes that are asked for, under it half
 of that. Prints the change of Fz [mN] with the rule of the elements (fields.mixed_factor and bulk_factor_of) and with
 the mean of the moduli: as sizes shrink both go to the same change, and the better rule is nearer to it on large elements.
 Then, on elements of the second size, the change [% of Fz] by the distance of the press from the ball; and FElupe's, of the

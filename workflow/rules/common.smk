@@ -330,7 +330,7 @@ def indenter_files():
 
 
 def session_files(session, *names):
-    """Return files of a session's folder. What a measured session lacks beside its tables is left to its reader,
+    """Return files of a session's folder. What a measured session lacks next to its tables is left to its reader,
 
     which knows whether it is needed and says what to do.
     """
@@ -390,7 +390,7 @@ def check_raw_data(jobs):
     """Read what these jobs are about to read of a laboratory's own data; stop with one plain message at what is wrong.
 
     Snakemake deletes a job's former results before the job finds out, and with keep-going spends hours on cells
-    beside it. Material tests with pictures are left to their job, which takes minutes to track them.
+    next to it. Material tests with pictures are left to their job, which takes minutes to track them.
     """
     from gelforge.materials.readers.material_source import source_of
     from gelforge.recording.copies import check_copies

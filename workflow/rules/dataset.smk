@@ -1,4 +1,4 @@
-"""Labels and features joined into shards, and what stands beside the shards."""
+"""Labels and features joined into shards, and what stands next to the shards."""
 
 # not all of `dataset`: no rule writes exports, and a new format is no reason to join again
 JOIN_SOURCES = [f"dataset/{name}.py" for name in ("join", "schema", "session_labels", "shard", "splits")]

@@ -133,7 +133,7 @@ for number, names in DERIVED.items():
 
 
 rule variant:
-    """Press at one position under the other assumptions of a variant; the report shows it beside the study's own."""
+    """Press at one position under the other assumptions of a variant; the report shows it next to the study's own."""
     input:
         laws=law_files(),
     output:

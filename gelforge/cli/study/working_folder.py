@@ -9,7 +9,7 @@ from gelforge.files import atomic
 from gelforge.shipped import EXAMPLES, WORKFLOW
 
 SNAKEFILE = """\
-# The workflow of the gelforge that is installed beside Snakemake.
+# The workflow of the gelforge that is installed next to Snakemake.
 from gelforge.shipped import SNAKEFILE
 
 {default}

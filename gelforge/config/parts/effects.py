@@ -151,7 +151,7 @@ class WallSide(Section):
     side: Side = Field(description="side of the sensor: x or y, at the low or the high end")
     wall_loss: Share = Field(0.0, description="lost share of the wall's stiffness along the side [-]")
     bond_loss: Share = Field(
-        0.0, description="lost share of the stiffness of a strip of the lower layers beside it [-]"
+        0.0, description="lost share of the stiffness of a strip of the lower layers next to it [-]"
     )
     width_mm: Positive = Field(0.5, description="width of the strip [mm]")
 

@@ -38,7 +38,7 @@ def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> 
         if not _over(sections[deepest], places, width):
             away = np.hypot(*sections[deepest][0, :2])
             raise ConfigError(
-                f"site {cell.name}: no depth touches: at its deepest, {cell.deepest_mm:g} mm, the indenter lies beside the "
+                f"site {cell.name}: no depth touches: at its deepest, {cell.deepest_mm:g} mm, the indenter lies next to the "
                 f"sensor, {away:.3g} mm from the position ({cell.x_mm:g}, {cell.y_mm:g}) mm; correct its origin_mm or "
                 "offset_mm, or the plan"
             )
@@ -48,7 +48,7 @@ def check_reaches(study: Study, shape: Shape, cells: dict[str, PlannedCell]) -> 
             reached = height < deepest
             if part.need_not_touch or (reached and _over(discs, places, width)):
                 continue
-            why = "lies beside the sensor there" if reached else f"lies {height:.4g} mm over the lowest part"
+            why = "lies next to the sensor there" if reached else f"lies {height:.4g} mm over the lowest part"
             raise ConfigError(
                 f"site {cell.name}: indenter, part {number} never touches: it {why}, the deepest depth is {deepest:g} mm; "
                 "correct its offset_mm or the plan, or set its need_not_touch: true"

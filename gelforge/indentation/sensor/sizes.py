@@ -136,7 +136,7 @@ def _check_over_origin(name: str, part: IndenterPart, corners: np.ndarray) -> No
     lowest = lowest_point(corners)
     in_file = [round(float(v), 4) for v in rotation_about_axes(part.orientation_deg).T @ lowest]
     raise ConfigError(
-        f"{name}: the lowest point of {part.file} lies {np.hypot(*lowest[:2]):.3g} mm beside the position, which is under "
+        f"{name}: the lowest point of {part.file} lies {np.hypot(*lowest[:2]):.3g} mm next to the position, which is under "
         f"the file's origin: set origin_mm: {in_file} to press with that point, or origin_mm: [0, 0, 0] if it is meant so"
     )
 

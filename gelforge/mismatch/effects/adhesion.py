@@ -24,7 +24,7 @@ def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequen
 def constant_pull(context: Context, w: float) -> np.ndarray:
     """Return w dA/dd (R,) [N]: to first order in the work w, at a held depth d, the energy of the surfaces that stick.
 
-    The contact area A grows by pi R d on a half space and by 2 pi R d on a layer that is thin beside it; between them 1.5
+    The contact area A grows by pi R d on a half space and by 2 pi R d on a layer that is thin next to it; between them 1.5
     is taken.
     """
     growth = sum(1.5 * np.pi * part.radius_mm for part in context.study.indenter.shapes)
@@ -61,7 +61,7 @@ def push_of(depths: np.ndarray, forces: np.ndarray) -> np.ndarray:
 class Contact:
     """A ball on a layer of some thickness [mm] whose push without adhesion is known (push_of).
 
-    Its contact radius a is that of a half space, a^2 = R d, as long as it is small beside the layer; where it is as large
+    Its contact radius a is that of a half space, a^2 = R d, as long as it is small next to the layer; where it is as large
     as the layer is thick the area grows twice as fast, as on a thin incompressible layer: dA/dd = pi R (1 + a / thickness).
     FElupe's areas grow so within 8 % from 0.4 mm on (4 mm of gel, 1 mm of skin, ball of 5 mm); below, where a stiff skin
     bends under a small contact, by two thirds of it.

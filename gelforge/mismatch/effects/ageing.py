@@ -16,5 +16,5 @@ EFFECT = circumstance(
     ),
     signature="all forces of a session in proportion, from session to session with the sensor's age",
     separated_by="the same indentation in every session, at one temperature, with dead weights on the force sensor"
-    " beside it",
+    " next to it",
 )

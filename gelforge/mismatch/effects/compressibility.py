@@ -9,6 +9,6 @@ EFFECT = solved(
     "width: Poisson's ratio 0.49 in place of nearly 0.5; bounds: 0.5 is Poisson's ratio 0.29, a foam",
     means=("the gel is more compressible than simulated",),
     signature="softer, the more so the wider the contact over the height: at depth and near the wall",
-    separated_by="a smaller ball, whose contact is not confined; images, as the surface beside the ball rises less",
+    separated_by="a smaller ball, whose contact is not confined; images, as the surface next to the ball rises less",
     applies=has_none_of("material.bulk_to_shear", "material.poissons_ratio"),
 )

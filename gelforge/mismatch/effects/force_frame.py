@@ -23,6 +23,6 @@ EFFECT = data_entry_error(
     lambda force, axes: np.column_stack([force[:, :2] @ np.array(READ[axes], float).T, force[:, 2]]),
     means=("forces are recorded in another frame than assumed",),
     signature="lateral forces as large as they should be, along other axes; vertical forces clean",
-    separated_by="a look at how the force sensor is mounted; one indentation beside each wall, which pushes the"
+    separated_by="a look at how the force sensor is mounted; one indentation next to each wall, which pushes the"
     " ball away from it",
 )

@@ -13,6 +13,6 @@ EFFECT = solved(
         "the skin is {share} softer than simulated",
     ),
     signature="force in proportion, more at small depth, where the skin bends and stretches, and near the wall",
-    separated_by="indentations beside the wall against the middle, from small depths on; a material test of the skin",
+    separated_by="indentations next to the wall against the middle, from small depths on; a material test of the skin",
     applies=lambda study: len(study.sensor.layers) > 1,
 )

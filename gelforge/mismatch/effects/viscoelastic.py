@@ -1,4 +1,4 @@
-"""The soft layers relax: overstresses that fade with one relaxation time, beside the law, which holds at rest."""
+"""The soft layers relax: overstresses that fade with one relaxation time, next to the law, which holds at rest."""
 
 from collections.abc import Sequence
 

@@ -36,7 +36,7 @@ from gelforge.mismatch.model.effect import Context, Effect
 from gelforge.mismatch.thresholds import PLAUSIBLE, SCALES, TEMPERING
 
 AXES = "xyz"
-# Cosines along each coordinate; beside: over depth, with those of place, path or indentation
+# Cosines along each coordinate; next to: over depth, with those of place, path or indentation
 MODES = {"depth": 6, "beside": 3, "place": 4, "time": 8, "path": 3}
 
 
@@ -102,7 +102,7 @@ class FreeForm:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The unknown beside an answer, or alone."""
+    """The unknown next to an answer, or alone."""
 
     kernels: Sequence[Kernel]
     factors: Mapping[str, float]  # by kernel: log, against the same without it, averaged over scales
@@ -218,7 +218,7 @@ def _profiles(labels: pd.DataFrame) -> Iterator[tuple[str, np.ndarray, bool, boo
 
 
 def of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
-    """Return such cosines of each group's own values, one group's beside the other's."""
+    """Return such cosines of each group's own values, one group's next to the other's."""
     columns = []
     for name in np.unique(group):
         here = group == name

@@ -37,7 +37,7 @@ def at_first_order(problem: Problem) -> ForcesWith:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A recording beside its base. Flat vectors have n entries: what was read of R readings x 3 axes."""
+    """A recording next to its base. Flat vectors have n entries: what was read of R readings x 3 axes."""
 
     observations: Observations
     base: np.ndarray  # (R, 3) [N]

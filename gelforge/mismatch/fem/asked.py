@@ -66,7 +66,7 @@ def asked_of(
 
 
 def _variation(solver: Solver, effect: Effect, shape: Shape, which: int) -> Variation:
-    """Return the coarser study a little beside itself along amount `which` of an effect. Raises ConfigError.
+    """Return the coarser study a little next to itself along amount `which` of an effect. Raises ConfigError.
 
     Of some its place is taken by a difference to either side of the base, wide enough that ripples from node to node cancel.
     """

@@ -1,4 +1,4 @@
-"""Derivatives of a site's forces in a file of their own: solved beside the sites, so that a verdict finds them.
+"""Derivatives of a site's forces in a file of their own: solved next to the sites, so that a verdict finds them.
 
 Of each place that stands for its mirror images there is one file: base forces and derivatives on the coarser mesh
 (mismatch.coarser) at the depths of the plan, in all that the finite elements can be differentiated along: effects of the

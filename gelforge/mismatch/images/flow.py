@@ -1,4 +1,4 @@
-"""The images' channel: regions' flow as further readings of the problem, beside the forces.
+"""The images' channel: regions' flow as further readings of the problem, next to the forces.
 
 An indentation with images adds one row per region of the image, with the flow's u and v in the places of Fx and Fy [px].
 Residual, covariance, changes by effects and what is held out then hold both channels, and the judge works as on forces.

@@ -1,4 +1,4 @@
-"""What the flow of image regions may differ by for known reasons, beside the forces: the covariance of both channels."""
+"""What the flow of image regions may differ by for known reasons, next to the forces: the covariance of both channels."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from gelforge.mismatch.thresholds import SCALES, SURE, TEMPERING
 
 @dataclass(frozen=True, eq=False)
 class Modelled:
-    """A smooth change of unknown cause, beside the fitted effects or alone."""
+    """A smooth change of unknown cause, next to the fitted effects or alone."""
 
     kernel: Kernel
     mean: np.ndarray  # (q,) posterior mean of its coefficients by all readings, over the scales of its size
@@ -69,7 +69,7 @@ def modelled(
     left: np.ndarray | None = None,
     chances: Mapping[str, float] = MappingProxyType({}),
 ) -> Modelled:
-    """Return the kernel that is most probable beside a fit, or alone, learnt from the training readings and from all.
+    """Return the kernel that is most probable next to a fit, or alone, learnt from the training readings and from all.
 
     left (n,) [N]: what the fit leaves of all readings; chances: of kernels. All readings choose it, as they choose effects;
     what each indentation has of its own predicts no other and is not tried. Whether the readings held out confirm it is
@@ -109,7 +109,7 @@ def modelled(
 
 @dataclass(frozen=True, eq=False)
 class _Beside:
-    """Fitted effects, linear about their fit, beside which a smooth change is learnt; or none."""
+    """Fitted effects, linear about their fit, next to which a smooth change is learnt; or none."""
 
     left: np.ndarray  # (n,) [N] what the fit leaves
     covariance: Covariance
@@ -151,7 +151,7 @@ class _Beside:
         return mean, sum(w * own for w, own in zip(weights, spreads))
 
     def learnt_by(self, D: np.ndarray, mask: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return log evidence, mean and covariance of a smooth change of directions (n, q) beside the fit."""
+        """Return log evidence, mean and covariance of a smooth change of directions (n, q) next to the fit."""
         columns, part = np.column_stack([self.columns, D]), self.covariance.restricted(mask)
         k = columns.shape[1]
         return evidence(part.whiten(self.left[mask]), part.whiten(columns[mask]), np.ones(k), np.zeros(k))

@@ -162,7 +162,7 @@ def _next(
 ) -> Effects | None:
     """Return the set to fit next: the most probable one, else its nearest competitor, else none.
 
-    A competitor does without one of the most probable set's lines; whether there is more beside these is asked of the
+    A competitor does without one of the most probable set's lines; whether there is more next to these is asked of the
     linear pass about the fit.
     """
     ranked = [effects for effects in posterior.ranked() if effects not in failed]

@@ -82,7 +82,7 @@ class Prediction:
 def predictive_scores(
     prediction: Prediction, blocks: Blocks, change: np.ndarray | None = None
 ) -> dict[str, np.ndarray]:
-    """Return by block the predictive log score, and the squared distance to a model beside this one.
+    """Return by block the predictive log score, and the squared distance to a model next to this one.
 
     change (n,): to that model. Blocks are scored in turn, each given the training readings and the blocks before it, so that
     the scores add up to the joint predictive density (Dawid 1984, doi:10.2307/2981683). Draws of an indentation that is held

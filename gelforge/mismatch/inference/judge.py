@@ -266,10 +266,10 @@ def _modelled(
     answer: Answer | None,
     chances: Mapping[str, float],
 ) -> Modelled | None:
-    """Return what is modelled with a free form, where it predicts: beside the sure effects, if they lead.
+    """Return what is modelled with a free form, where it predicts: next to the sure effects, if they lead.
 
-    An effect that changes the readings by less than what is modelled beside it is no form of what is missing; beside a cause
-    of its own it is another one. One that is a form of that cause is not beside it. chances: of the kernels.
+    An effect that changes the readings by less than what is modelled with it is no form of what is missing; next to a cause
+    of its own it is another one. One that is a form of that cause is not next to it. chances: of the kernels.
     """
     model = modelled(problem, kernels, blocks, chances=chances)
     if answer is not None and answer.sure and not _of_one_cause(model, answer):
@@ -288,7 +288,7 @@ def _of_one_cause(model: Modelled, answer: Answer) -> bool:
 
 
 def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | None) -> Answer | None:
-    """Return an answer whose effects have the amounts that they have beside a cause that is sure, if these are physical."""
+    """Return an answer whose effects have the amounts that they have next to a cause that is sure, if these are physical."""
     if answer is None or model is None or not (model.sure and model.beside):
         return answer
     if model.fit is None or not in_range(problem, model.fit):
@@ -318,7 +318,7 @@ def _state(posterior: Posterior, answer: Answer | None, out: bool, model: Modell
     """Return the state of a mismatch that is there.
 
     Identified is an effect, or effects of one line, or a cause with a free form, as probable as a claim has to be. A
-    discrepancy without a known cause is unexplained, modelled or not, unless a sure effect stands beside it.
+    discrepancy without a known cause is unexplained, modelled or not, unless a sure effect stands next to it.
     """
     if model is not None and model.sure:
         return "identified"

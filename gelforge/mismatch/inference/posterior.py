@@ -1,4 +1,4 @@
-"""The posterior over sets of effects: nothing, every one, every pair, triples by beam, and a discrepancy beside some.
+"""The posterior over sets of effects: nothing, every one, every pair, triples by beam, and a discrepancy next to some.
 
 All readings are used and nothing is solved: sets are judged by the stored linear changes of their effects. A set's evidence
 is averaged over the shapes of its effects and over scales of their plausible values. Of the sets within reach of the best
@@ -46,8 +46,8 @@ class Posterior:
 
     sets: Mapping[Effects, Screened]  # known sets, at their best shapes and scales; parts have all entries
     singles: Mapping[str, Screened]  # every effect that the readings can show, alone
-    evidence: Mapping[Effects, float]  # log, against nothing; with UNKNOWN beside some
-    unknown: Mapping[Effects, Weighed]  # beside what
+    evidence: Mapping[Effects, float]  # log, against nothing; with UNKNOWN next to some
+    unknown: Mapping[Effects, Weighed]  # next to what
     known: int  # effects that the readings can show
     lines: Mapping[str, Effects]  # by effect: those with the same sensitivities, itself included
 
@@ -113,7 +113,7 @@ class Posterior:
     def credible_sets(self, effects: Effects) -> list[Group]:
         """Return the credible set of each effect of a set, the most probable first.
 
-        An effect of another one's set acts beside this one, and not in its place.
+        An effect of another one's set acts next to this one, and not in its place.
         """
         groups: list[Group] = []
         for name in sorted(effects, key=lambda one: (-self.holding([one]), one)):
@@ -163,7 +163,7 @@ def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
             unknown[effects] = weighed_unknown(problem, kernels, sets[effects])
         for effects, discrepancy in unknown.items():
             evidence[effects | {UNKNOWN}] = evidence.get(effects, 0.0) + discrepancy.log_bayes_factor
-        progress.advance(note="a discrepancy beside them")
+        progress.advance(note="a discrepancy next to them")
     return replace(known, unknown=unknown)
 
 

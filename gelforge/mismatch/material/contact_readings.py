@@ -1,4 +1,4 @@
-"""Indentations of a ball beside Hertz's half space, and a pair of load cells beside their equality: readings and changes."""
+"""Indentations of a ball and Hertz's half space, a pair of load cells and their equality: readings and changes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CALIBRATED = "load cells are calibrated to 1 to 2 %, a moment or a bypass change
 
 
 def press_readings(press: IndentationTest) -> Readings:
-    """Return an indentation with approach and withdrawal beside Hertz's ball fitted to its approach; raises ValueError."""
+    """Return an indentation with approach and withdrawal next to Hertz's ball fitted to its approach; raises ValueError."""
     if press.segment is None:
         raise ValueError(f"{press.sample}: one way only; adhesion and creep need the way back and a hold")
     names, kinds = zip(*press.segment_kinds)
@@ -136,7 +136,7 @@ def _adhesions(d: np.ndarray, last: np.ndarray, groups, deepest: float, push: fl
 
 
 def pair_readings(pair: ForcePair) -> Readings:
-    """Return the second of two load cells beside the first: both carry the same force, so they should read the same.
+    """Return the second of two load cells next to the first: both carry the same force, so they should read the same.
 
     Whatever the body between them does enters both alike: no property of a material changes their difference.
     """

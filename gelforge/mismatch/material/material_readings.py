@@ -86,7 +86,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Readings:
-    """n reduced rows of material tests beside the nominal model, and what may change them.
+    """n reduced rows of material tests next to the nominal model, and what may change them.
 
     fixed and shared: the covariance of measured minus a prediction f that lacks nothing is fixed + S * outer(t, t), S the
     shared errors (of sample, law, strain: shares of the stress that is there) and t = |f / base|, 1 at most. Taken of the

@@ -176,7 +176,7 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class MaterialProblem(Problem):
-    """Material tests beside their nominal model: forces along z, one to a row; effects have parameters of their own."""
+    """Material tests next to their nominal model: forces along z, one to a row; effects have parameters of their own."""
 
     readings: Readings = field(kw_only=True)
 

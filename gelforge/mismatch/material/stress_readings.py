@@ -1,4 +1,4 @@
-"""Stress tests beside the law of their fastest loading branch.
+"""Stress tests next to the law of their fastest loading branch.
 
 The law, an incompressible solid's or a foam's where that comes closer, is fitted to one loading of one sample. What another
 branch may differ by without any missing physics: the instrument, the zero of force and of strain, the law's own misfit and
@@ -38,7 +38,7 @@ SOLIDS = ("neo_hooke", "mooney_rivlin", "yeoh", "gent", "ogden1", "ogden2")
 Stress = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 KINDS = ("uniaxial", "compression", "pure_shear", "equibiaxial", "simple_shear")  # one stress for one stretch
 ZERO_STRAIN = STRAIN_AT_START  # slack that a test may begin with
-SAMPLES = NEGLIGIBLE, 2  # scatter of samples of one sheet, weighed as so many repeats beside those measured
+SAMPLES = NEGLIGIBLE, 2  # scatter of samples of one sheet, weighed as so many repeats next to those measured
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ class StressTests:
 
 
 def stress_tests(tests: list[MaterialTest]) -> StressTests:
-    """Return the readings of stress tests beside their base laws; raises ValueError (FitError) where there is none."""
+    """Return the readings of stress tests next to their base laws; raises ValueError (FitError) where there is none."""
     usable = [t for t in tests if t.test in KINDS and t.cauchy_difference is None]
     said = [f"{t.sample}: tests of kind {t.test} are not judged" for t in tests if t.test not in KINDS]
     timed = [t for t in usable if t.time_s is not None or t.rate_per_s]

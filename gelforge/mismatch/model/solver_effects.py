@@ -12,7 +12,7 @@ from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
 from gelforge.mismatch.model.places import FirstOrder
 
-LARGEST_MOVE = 0.3  # [mm]; beside a wall the pull sets in within half a millimetre
+LARGEST_MOVE = 0.3  # [mm]; next to a wall the pull sets in within half a millimetre
 FAR_OUT = 0.3  # of the sensor's width from its middle: where the outermost indentations of usual plans are
 
 

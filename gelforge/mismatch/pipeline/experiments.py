@@ -47,7 +47,7 @@ def with_experiments(verdict: Verdict, problem: Problem, context: Context) -> Ve
 
 
 def rivals(verdict: Verdict) -> list[tuple[str, str]]:
-    """Return the first effect of each group beside every other one that may be there instead."""
+    """Return the first effect of each group next to every other one that may be there instead."""
     return [(group.names[0], other) for group in verdict.answer for other in group.names[1:]]
 
 

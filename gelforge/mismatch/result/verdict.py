@@ -1,4 +1,4 @@
-"""What the judge says: verdict.json with its schema. The tables beside it are those of verdict_tables.py."""
+"""What the judge says: verdict.json with its schema. The tables next to it are those of verdict_tables.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hencky's law of the logarithmic strain: a second law of the stretches themselves, beside Ogden's."""
+"""Hencky's law of the logarithmic strain: a second law of the stretches themselves, next to Ogden's."""
 
 from dataclasses import dataclass
 from math import log
