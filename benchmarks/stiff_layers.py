@@ -1,4 +1,4 @@
-"""Bars of totals on sensors with stiff skins and walls: six sensors, 16 places, four meshes, against half the default sizes.
+"""Bars of totals on sensors with stiff skins and walls: six sensors, 20 places, five meshes, against half the default sizes.
 
 usage: python benchmarks/stiff_layers.py [--solve] [--sensors NAME ...]
 
@@ -36,6 +36,7 @@ from gelforge.progress import Progress, show
 KEPT = Path("results/stiff_layers")
 MESHES = {
     "standard": Mesh(),
+    "far 0.6": Mesh(far_mm=0.6),
     "wall_parts: 4": Mesh(wall_parts=4.0),
     "fast": Mesh(quality="fast"),
     "near 0.6, far 2.4": Mesh(near_mm=0.6, far_mm=2.4),
