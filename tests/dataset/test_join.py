@@ -200,7 +200,7 @@ def without_cell(table):
 
 NO_SEAL = "(holds no checksum|damaged or edited)"
 SPOILT = {
-    "missing cell": (lambda made: made.cells["x1_y1"].unlink(), r"x1_y1\.h5.*missing"),
+    "missing cell": (lambda made: made.cells["x1_y1"].unlink(), r"x1_y1\.h5.*no such file"),
     **{
         f"cell cut to {kept} bytes": (
             lambda made, kept=kept: os.truncate(made.cells["x1_y1"], kept),

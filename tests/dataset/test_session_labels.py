@@ -297,7 +297,7 @@ def test_a_session_goes_on_where_it_was_broken_off(pressed, tmp_path, monkeypatc
         label = resumed.label(press)
         np.testing.assert_allclose(label.total, whole.label(press).total, rtol=1e-12)
         np.testing.assert_array_equal(label.bins.sum(axis=0) != 0, [True] * 3)
-        assert 0 < label.total_sigma[2] < 0.2 * force(label)
+        assert 0 < label.total_sigma[2] < 0.25 * force(label)  # elements as large as the skin is thick
         assert (label.bin_sigma[label.bins[:, 2] < 0, 2] > 0).all()
 
 

@@ -130,8 +130,6 @@ def test_normal_and_turn_are_gradients(indenter, rng):
     )  # second order, unless all faces are flat
 
     # Turn is the gradient of the normal
-    points, direction = cloud(indenter, rng), rng.normal(size=(60, 3))
-    points, direction = (a[smooth(indenter, points, 1e-3)] for a in (points, direction))
     slope = np.einsum("nij,nj->ni", indenter.gap(points, CENTRE)[2], direction)
     rates, largest = halving_rates(lambda h: indenter.gap(points + h * direction, CENTRE)[1], slope)
     assert largest < 1e-12 or (np.abs(rates - 2) < 0.1).all(), rates

@@ -11,8 +11,8 @@ resolve: an error in proportion to the square of element size over contact radiu
 is what few elements between contact and base cannot: an incompressible gel is squeezed aside in a parabola over its height,
 and linear elements miss a parabola by the square of size over height, hence by one over the square of their number.
 
-Linear hexahedra also bend too stiffly, which raises the force where one layer is stiffer than another. At the default sizes
-other errors cancel most of it, so that it falls with about the fifth power of their number. Walls that bend add a share that
+Linear hexahedra also bend too stiffly, by the square of size over height, which raises the force where one layer is stiffer
+than another. At the default sizes other errors cancel most of it, so that it falls with about the fifth power of their number. Walls that bend add a share that
 falls with the distance from them. benchmarks/stiff_layers.py found both parts on some places and checks them on others.
 benchmarks/error_bars.py found the other parts on some places of three sensors and checks them on others (docs/accuracy.md).
 """
@@ -42,6 +42,7 @@ PART_TOTALS = np.array([0.12, 0.12, 0.05])  # x, y, z: of the difference of tota
 SHARE_LAYERS = 0.15
 # By `python benchmarks/stiff_layers.py`. Powers of 4 and 6 are as likely or less so; 5 errs least where elements are few.
 SHARE_STIFF = 140.0  # of a total, over the fifth power of that number, times Resolution.contrast
+SHARE_BENDING = 1.5  # of a total, over the square of that number: at most so much, as bending errs by
 # x, y, z: of the vertical total, times contrast and Resolution.walls (benchmarks/stiff_layers.py)
 SHARE_WALLS = np.array([0.04, 0.04, 0.06])
 SHARE_TOUCH = (
@@ -156,7 +157,9 @@ def touch_totals(total: np.ndarray, touched: np.ndarray) -> np.ndarray:
 
 def layer_totals(total: np.ndarray, resolution: Resolution) -> np.ndarray:
     """Return the error bars (D, 3) [N] of totals by the elements through the gel, stiff layers and walls."""
-    stiff = min(1.0, SHARE_STIFF / resolution.through**5) * resolution.contrast
+    stiff = (
+        min(SHARE_STIFF / resolution.through**5, SHARE_BENDING / resolution.through**2) * resolution.contrast
+    )
     through = np.hypot(SHARE_LAYERS / resolution.through**2, stiff) * np.abs(total)
     walls = SHARE_WALLS * resolution.contrast * resolution.walls * np.abs(total[:, 2:])
     return np.hypot(through, walls)
