@@ -12,9 +12,9 @@ is what few elements between contact and base cannot: an incompressible gel is s
 and linear elements miss a parabola by the square of size over height, hence by one over the square of their number.
 
 Linear hexahedra also bend too stiffly, by the square of size over height, which raises the force where one layer is stiffer
-than another. At the default sizes other errors cancel most of it, so that it falls with about the fifth power of their number. Walls that bend add a share that
-falls with the distance from them. benchmarks/stiff_layers.py found both parts on some places and checks them on others.
-benchmarks/error_bars.py found the other parts on some places of three sensors and checks them on others (docs/accuracy.md).
+than another. At the default sizes other errors cancel most of it, so that it falls with about the fifth power of their
+number. Walls that bend add a share that falls with the distance from them. benchmarks/stiff_layers.py found both parts on
+some places and checks them on others, benchmarks/error_bars.py the other parts (docs/accuracy.md).
 """
 
 from __future__ import annotations
