@@ -1,4 +1,4 @@
-"""Bars of totals on sensors with stiff skins and walls: six sensors, 20 places, four or five meshes, against half the default sizes.
+"""Bars of totals next to stiff skins and walls: six sensors, 20 places, several meshes, against half the default sizes.
 
 usage: python benchmarks/stiff_layers.py [--solve] [--sensors NAME ...]
 
