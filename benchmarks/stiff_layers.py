@@ -1,11 +1,13 @@
 """Bars of totals next to stiff skins and walls: six sensors, 20 places, several meshes, against half the default sizes.
 
-usage: python benchmarks/stiff_layers.py [--solve] [--sensors NAME ...]
+usage: python benchmarks/stiff_layers.py [--solve | --fit] [--sensors NAME ...]
 
-The shares of stiff layers and walls in gelforge/indentation/solving/error_bars.py have the largest likelihood on the places
-of CALIBRATION. The others judge them. Depths are four, evenly. The reference has the steps of the default mesh. Solutions
-are kept in results/stiff_layers and are read again: remove them after a change of the solver.
---solve: solve what is missing, print no table. A place takes two CPU minutes on one thread, most of it the reference.
+The shares of stiff layers and walls in gelforge/indentation/solving/error_bars.py follow the largest likelihood on the
+places of CALIBRATION. The others judge them. Depths are four, evenly. The reference has the steps of the default mesh.
+Solutions are kept in results/stiff_layers and are read again: remove them after a change of the solver.
+--solve: solve what is missing, print no table. --fit: print by power and decay the shares of largest likelihood there, and
+the log likelihood of all errors there and at the other places. A place takes two CPU minutes on one thread, most of it for
+the reference.
 
 Printed per sensor and mesh: root mean squares of error and bar [% of Fz], largest error over its bar, and how many 95 %
 intervals hold; sideways the same, next to walls alone.
@@ -14,21 +16,23 @@ intervals hold; sideways the same, next to walls alone.
 from __future__ import annotations
 
 import argparse
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from error_bars import WITHIN, of_half_size, rms
+from scipy.optimize import minimize
 from sensors import ARTICLE
 
 from gelforge.config import Mesh, Study, study_from
 from gelforge.config.basis.variants import merged
 from gelforge.config.studies.files import read_yaml
 from gelforge.indentation.paths.planned_cell import PlannedCell
+from gelforge.indentation.solving import resolution as resolution_module
 from gelforge.indentation.solving.companion import solve_companion
-from gelforge.indentation.solving.error_bars import Companion, error_bars
-from gelforge.indentation.solving.resolution import resolution_of
+from gelforge.indentation.solving.error_bars import SHARE_BENDING, Companion, error_bars
+from gelforge.indentation.solving.resolution import DECAY, Resolution, resolution_of
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_of
 from gelforge.progress import Progress, show
@@ -90,7 +94,7 @@ CALIBRATION = {
 
 
 def meshes(name: str) -> list[str]:
-    """Return a sensor's meshes. Small far elements cost four times as much: they are for the stiffest skin alone."""
+    """Return a sensor's meshes. Smaller far elements, which cost most, are for the stiffest skin alone."""
     return [mesh for mesh in MESHES if mesh != "far 0.6" or name == "skin 40 times as stiff"]
 
 
@@ -129,17 +133,61 @@ def solved(name: str, x: float, y: float, mesh: str | None) -> dict[str, np.ndar
         return dict(kept)
 
 
-def shares(name: str, x: float, y: float, mesh: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return errors and bars (D, 3) of totals over Fz of the reference."""
+def shares(
+    name: str, x: float, y: float, mesh: str, resolution: Resolution | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return errors and bars (D, 3) of totals over Fz of the reference; resolution: another than the site's own."""
     found, true = solved(name, x, y, mesh), solved(name, x, y, None)["total"]
     study = study_of(name, MESHES[mesh])
     coarse = found["coarse_total"], found["coarse_bins"]
     companion = Companion(*coarse, *(np.empty((0, *values.shape)) for values in coarse))
-    resolution = resolution_of(study.sensor, study.mechanics.mesh, laws_of(study, []), x, y)
+    if resolution is None:
+        resolution = resolution_of(study.sensor, study.mechanics.mesh, laws_of(study, []), x, y)
     shape = study.sensor.bins.ny, study.sensor.bins.nx
     bars = error_bars(found["total"], found["bins"], found["touched"], shape, companion, resolution)
     size = np.abs(true[:, 2:])
     return (found["total"] - true) / size, bars["total_sigma_mesh_N"] / size
+
+
+def likeliest(power: float, decay: float) -> dict[str, str]:
+    """Return the shares of largest likelihood on the places of calibration, by the power of elements and the decay."""
+    resolution_module.DECAY = decay
+    parts: dict[bool, list] = {True: [], False: []}
+    for name, (_, _, places) in SENSORS.items():
+        for (x, y), mesh in product(places, meshes(name)):
+            study = study_of(name, MESHES[mesh])
+            at = resolution_of(study.sensor, study.mechanics.mesh, laws_of(study, []), x, y)
+            error, bar = shares(name, x, y, mesh, Resolution(at.through))
+            moved = np.ptp([x, study.sensor.width_x_mm / 2]) + np.ptp([y, study.sensor.width_y_mm / 2]) > 0
+            parts[(x, y) in CALIBRATION.get(name, set())].append((error, bar, at, moved))
+
+    def loss(logs: np.ndarray, calibration: bool, sideways: bool) -> float:
+        total = 0.0
+        for error, bar, at, moved in parts[calibration]:
+            if sideways and not moved:  # no force sideways in the middle
+                continue
+            axes = [0, 1] if sideways else [2]
+            walls = np.exp(logs[0]) * at.contrast * at.walls
+            stiff = (
+                0.0 if sideways else min(np.exp(logs[1]) / at.through**power, SHARE_BENDING / at.through**2)
+            )
+            sigma = np.sqrt(bar[:, axes] ** 2 + walls**2 + (stiff * at.contrast) ** 2)
+            total += float((np.log(sigma) + (error[:, axes] / sigma) ** 2 / 2).sum())
+        return total
+
+    vertical = minimize(loss, np.log([0.06, 6.0**power / 60]), (True, False), "Nelder-Mead").x
+    across = minimize(loss, np.log([0.04]), (True, True), "Nelder-Mead").x
+    return {
+        "power": f"{power:g}",
+        "decay": f"{decay:g}",
+        "stiff": f"{np.exp(vertical[1]):.3g}",
+        "walls, z": f"{np.exp(vertical[0]):.3f}",
+        "walls, x and y": f"{np.exp(across[0]):.3f}",
+        "log likelihood z, calibration": f"{-loss(vertical, True, False):.0f}",
+        "z, others": f"{-loss(vertical, False, False):.0f}",
+        "x and y, calibration": f"{-loss(across, True, True):.0f}",
+        "x and y, others": f"{-loss(across, False, True):.0f}",
+    }
 
 
 def row(name: str, mesh: str, places: list[tuple[float, float]]) -> dict[str, str]:
@@ -165,6 +213,7 @@ def main() -> None:
     )
     parser.add_argument("--sensors", nargs="+", choices=SENSORS, default=list(SENSORS), metavar="NAME")
     parser.add_argument("--solve", action="store_true", help="solve what is missing, print no table")
+    parser.add_argument("--fit", action="store_true", help="print the shares of largest likelihood")
     options = parser.parse_args()
     work = [(name, x, y) for name in options.sensors for x, y in SENSORS[name][2]]
     show()
@@ -174,6 +223,12 @@ def main() -> None:
                 solved(name, float(x), float(y), mesh)
             progress.advance(note=name)
     if options.solve:
+        return
+    if options.fit:
+        tried = [(3, DECAY), (4, DECAY), (5, DECAY), (6, DECAY), (5, 1.0), (5, 1.5), (5, 3.0)]
+        print(
+            pd.DataFrame([likeliest(*one) for one in tried]).to_markdown(index=False, disable_numparse=True)
+        )
         return
     rows = []
     for name in options.sensors:

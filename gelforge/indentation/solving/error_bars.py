@@ -40,14 +40,17 @@ PART_TOTALS = np.array([0.12, 0.12, 0.05])  # x, y, z: of the difference of tota
 # Of a total, over the square of the number of elements through the sensor: of largest likelihood on seven places of
 # calibration (docs/accuracy.md).
 SHARE_LAYERS = 0.15
-# By `python benchmarks/stiff_layers.py`. Powers of 4 and 6 are as likely or less so; 5 errs least where elements are few.
-SHARE_STIFF = 140.0  # of a total, over the fifth power of that number, times Resolution.contrast
-SHARE_BENDING = 1.5  # of a total, over the square of that number: at most so much, as bending errs by
-# x, y, z: of the vertical total, times contrast and Resolution.walls (benchmarks/stiff_layers.py)
+# Of a total, over the fifth power of that number, times Resolution.contrast (`python benchmarks/stiff_layers.py --fit`).
+# The sixth power is likelier by 4 in the logarithm, and says more than is found where elements are few (judgement).
+SHARE_STIFF = 140.0
+# At most so much over the square of that number, as bending errs: the two meet at 4.5 elements, and with fewer the fifth
+# power says more than `python benchmarks/stiff_layers.py` finds (judgement).
+SHARE_BENDING = 1.5
+# x, y, z: of the vertical total, times contrast and Resolution.walls. Along z 0.03 is likeliest with the fifth power, 0.06
+# with the sixth: the larger is kept (benchmarks/stiff_layers.py --fit).
 SHARE_WALLS = np.array([0.04, 0.04, 0.06])
-SHARE_TOUCH = (
-    0.15  # of a total, over the number of nodes in contact: the error of first touch (docs/accuracy.md)
-)
+# Of a total, over the number of nodes in contact: the error of first touch (docs/accuracy.md).
+SHARE_TOUCH = 0.15
 # of the bins' bars as if independent, on the total: what the near size errs by does not cancel in them
 # (benchmarks/error_bars.py)
 PART_OF_BINS = 0.2

@@ -11,8 +11,8 @@ from gelforge.config import Mesh, Sensor
 from gelforge.indentation.sensor.sensor_mesh import by_hexahedra, elements_through, sizes_of
 from gelforge.mechanics.laws.law import PrincipalLaw
 
-# Of the distance from a wall over the sensor's height: the likeliest of 1, 1.5, 2 and 3 for the sideways errors at the
-# calibration places of `python benchmarks/error_bars.py --calibration`.
+# Of the distance from a wall over the sensor's height; `python benchmarks/stiff_layers.py --fit` prints the likelihood of
+# others.
 DECAY = 2.0
 
 
