@@ -40,13 +40,14 @@ SURE = 0.9
 # identified: right answers come below 0.01 in two of a hundred by chance alone, and effects outside the catalogue that come
 # below it do so by far (docs/mismatch-method.md).
 ADEQUATE_P, LEFT_P = 0.01, 0.002
-# Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm.
-# Chi-square and scan are exact: below LEFT_P either is an alarm by itself, in at most 4 of 1,000 recordings by chance.
-NOTHING_P = round(1 - SURE, 12)  # that something is missing is then as probable as a claim has to be
-NEGLIGIBLE = NOTHING_P  # probability below which no effect is solved, and no credible set is reported
+NEGLIGIBLE = round(1 - SURE, 12)  # probability below which no effect is solved, and no credible set is reported
 # Of an effect's probability, which its credible set holds: the usual level. The set that holds the truth then has one or two
 # effects in the median and 3 to 5 at most in nine of ten cases (docs/results/verdicts.md).
 CREDIBLE = 0.95
+# Probability that nothing is missing, by the tempered evidence of the answer, below which a test at ALARM_P is an alarm: the
+# credible set then leaves it out. Chi-square below LEFT_P is an alarm by itself, in 2 of 1,000 recordings by chance: the
+# posterior has no model of a misfit without a pattern, such as noise above what is stated.
+NOTHING_P = round(1 - CREDIBLE, 12)
 # Of the leading credible set; with more the readings are too few: the set that holds the truth has 5 at most in nine of ten
 # cases (docs/results/verdicts.md).
 MOST_EFFECTS = 8

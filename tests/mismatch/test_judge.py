@@ -142,7 +142,8 @@ def test_an_alarm_needs_a_clear_residual_or_an_unlikely_nothing():
 
     small = tests(0.005, 0.005, 1e-9)  # evidence that is not tempered, next to tests that are no clear alarm
     assert _alarm(small, found.posterior) and not _alarm(small, likely)
-    assert _alarm(tests(1e-3, 0.3, 1.0), likely) and _alarm(tests(0.3, 1e-3, 1.0), likely)
+    assert _alarm(tests(1e-3, 0.3, 1.0), likely) and not _alarm(tests(0.3, 1e-3, 1.0), likely)
+    assert _alarm(tests(0.3, 1e-3, 1.0), found.posterior)
     assert not _alarm(tests(0.3, 0.3, 1.0), found.posterior)
 
 

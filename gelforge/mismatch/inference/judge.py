@@ -253,8 +253,8 @@ def judge(problem: Problem, settings: Mismatch, seed: int) -> Judgement:
 
 
 def _alarm(mismatch: ResidualTests, posterior: Posterior) -> bool:
-    """Return whether there is a mismatch: chi-square or scan are clear, or a test at ALARM_P and the posterior agree."""
-    if min(mismatch.test.p, mismatch.scan.p) < LEFT_P:
+    """Return whether there is a mismatch: chi-square is clear, or a test at ALARM_P and the posterior agree."""
+    if mismatch.test.p < LEFT_P:
         return True
     return mismatch.p < ALARM_P and posterior.probability[NOTHING] < NOTHING_P
 
