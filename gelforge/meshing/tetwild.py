@@ -9,8 +9,10 @@ asks for PyVista as soon as it is imported (0.4.2), although the module itself n
 from __future__ import annotations
 
 import ctypes
+import functools
 import importlib.machinery
 import importlib.util
+import io
 import itertools
 import os
 import struct
@@ -47,18 +49,28 @@ def tetrahedralize(
     """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     points, tetrahedra = _background(low - 2 * largest, high + 2 * largest)
+    job = io.BytesIO()
+    np.savez(
+        job,
+        vertices=np.ascontiguousarray(vertices, dtype=float),
+        triangles=triangles.astype(np.uint32),
+        largest=largest,
+        envelope=envelope / np.linalg.norm(high - low),
+        points=points,
+        tetrahedra=tetrahedra.astype(np.int32),
+        size=np.minimum(size(points), largest),
+    )
+    return _meshed(job.getvalue())
+
+
+@functools.lru_cache(
+    maxsize=16
+)  # a verdict solves its sites again and again, with other parameters on the same mesh
+def _meshed(content: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Return the read-only nodes and tetrahedra that a process of its own makes of a job's file."""
     with tempfile.TemporaryDirectory(prefix="gelforge-mesh-") as folder:
         job, made = Path(folder) / "job.npz", Path(folder) / "mesh.npz"
-        np.savez(
-            job,
-            vertices=np.ascontiguousarray(vertices, dtype=float),
-            triangles=triangles.astype(np.uint32),
-            largest=largest,
-            envelope=envelope / np.linalg.norm(high - low),
-            points=points,
-            tetrahedra=tetrahedra.astype(np.int32),
-            size=np.minimum(size(points), largest),
-        )
+        job.write_bytes(content)
         command = [sys.executable, "-m", "gelforge.meshing.tetwild", str(job), str(made)]
         paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
         environment = os.environ | {
@@ -73,7 +85,10 @@ def tetrahedralize(
             )
         with np.load(made) as mesh:
             nodes, tetrahedra = mesh["nodes"].astype(float), mesh["tetrahedra"].astype(np.int64)
-    return nodes, tetrahedra[:, [0, 2, 1, 3]]  # fTetWild's own orientation is the opposite one
+    tetrahedra = tetrahedra[:, [0, 2, 1, 3]]  # fTetWild's own orientation is the opposite one
+    for array in (nodes, tetrahedra):
+        array.setflags(write=False)  # each caller gets the same arrays
+    return nodes, tetrahedra
 
 
 def _last_words(said: str) -> str:

@@ -35,6 +35,13 @@ def test_a_library_without_the_call_is_refused(tmp_path):
         tetwild._fix_random_device(str(library))
 
 
+@pytest.fixture
+def fresh():
+    """Meshes are made in the test, not taken from the memory of one before."""
+    tetwild._meshed.cache_clear()
+
+
+@pytest.mark.usefixtures("fresh")
 def test_what_the_mesher_says_is_passed_on(monkeypatch):
     monkeypatch.setattr(tetwild.sys, "executable", "/bin/false")
     vertices, triangles = SHAPES["block"][0].drafts[-1]
@@ -42,6 +49,7 @@ def test_what_the_mesher_says_is_passed_on(monkeypatch):
         tetrahedralize(vertices, triangles, lambda p: np.full(len(p), 3.0), 3.0, 0.05)
 
 
+@pytest.mark.usefixtures("fresh")
 def test_a_mesher_without_memory_is_an_error_of_ours_on_one_line(monkeypatch, tmp_path):
     mesher = tmp_path / "mesher"
     mesher.write_text("#!/bin/sh\nprintf 'terminate called\\n  what():  std::bad_alloc\\n' >&2\nexit 134\n")
