@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from gelforge.csv_table.cells import Signs
@@ -18,16 +18,26 @@ class RowFilter:
     at_least: float | None = None
     at_most: float | None = None
 
+    every: bool = True  # each of `equals` stands in the table: one that does not is misspelt
+
     def keeps(self, text: str, signs: Signs) -> bool:
         """Return whether a row with this text in the column is read."""
-        value = signs.number(text)
-        if self.equals is not None and text not in self.equals:
-            if not any(value == Signs().number(wanted) for wanted in self.equals):
-                return False
+        if self.equals is not None and not any(_equal(text, wanted, signs) for wanted in self.equals):
+            return False
         if self.at_least is None and self.at_most is None:
             return True
         low = -math.inf if self.at_least is None else self.at_least
-        return low <= value <= (math.inf if self.at_most is None else self.at_most)
+        return low <= signs.number(text) <= (math.inf if self.at_most is None else self.at_most)
+
+    def missing(self, texts: Collection[str], signs: Signs) -> list[str]:
+        """Return the values that should stand in the column and are none of its texts."""
+        wanted = self.equals if self.every and self.equals else ()
+        return [value for value in wanted if not any(_equal(text, value, signs) for text in texts)]
+
+
+def _equal(text: str, wanted: str, signs: Signs) -> bool:
+    """Return whether a cell holds a value, as text or as a number."""
+    return text == wanted or signs.number(text) == Signs().number(wanted)
 
 
 @dataclass(frozen=True)

@@ -383,7 +383,7 @@ def _drop_units(path: Path, header: list[str], rows: list, form: CsvForm, number
 
 def _filter(path: Path, header: list[str], rows: list, form: CsvForm, signs: Signs) -> None:
     """Remove the rows of others in one table, and those that the filters do not keep."""
-    columns = [header.index(name) for name in form.shared_with]
+    complete, columns = rows[1:], [header.index(name) for name in form.shared_with]
     if columns:
         rows[1:] = [row for row in rows[1:] if any(row[1][at].lower() not in NOTHING for at in columns)]
     for condition in form.rows:
@@ -392,8 +392,14 @@ def _filter(path: Path, header: list[str], rows: list, form: CsvForm, signs: Sig
                 f"{path}: the filter of rows names the column {condition.column!r}; found {few(header)}, correct `rows`"
             )
         at, before = header.index(condition.column), len(rows) - 1
+        texts = {row[1][at] for row in complete}
         rows[1:] = [row for row in rows[1:] if condition.keeps(row[1][at], signs)]
         if before and len(rows) < 2:
             raise TableError(
                 f"{path}: the filter of rows by {condition.column} keeps none of {before} rows; correct `rows`"
+            )
+        if missing := condition.missing(texts, signs):
+            raise TableError(
+                f"{path}: no row has {few(missing)} in the column {condition.column!r}; found {few(sorted(texts))}, correct"
+                " `rows.equals`"
             )

@@ -172,7 +172,7 @@ def _table(folder, source, other, key, units, declared, numbers, texts) -> pd.Da
     try:
         # A table of several topics has rows without any of these values. Where rows stand for the time each one counts.
         counted = source.rate_hz or source.even
-        filters = tuple(row.filter for row in source.rows)
+        filters = tuple(row.filter() for row in source.rows)
         form = source.table.csv_form(declared, filters, () if counted else tuple(units))
         return read_csv(path, numbers=numbers, texts=texts, form=form)
     except TableError as error:

@@ -9,7 +9,7 @@ from gelforge.config.foreign.mapping import load_mapping
 from gelforge.csv_table import TableError
 from gelforge.materials.fitting.curves import mean_curves
 from gelforge.materials.fitting.sample_scatter import scatter
-from gelforge.materials.readers.mapped_files import read_mapped
+from gelforge.materials.readers.mapped_files import read_mapped, read_mapped_folder
 from gelforge.materials.readers.material_source import read_sources
 from gelforge.materials.small_tests.microindentation import fit_modulus
 from gelforge.materials.small_tests.small_effects import small_effects
@@ -149,10 +149,28 @@ def test_rows_are_filtered_before_their_numbers_are_read(tmp_path):
     assert len(read(tmp_path, plain, rows=[{"column": "way", "at_least": 8, "at_most": 24}]).stretch) == 21
     with pytest.raises(TableError, match="filter of rows by part keeps none of 41 rows"):
         read(tmp_path, plain, rows=[{"column": "part", "equals": [3]}])
+    for other in ({"column": "way", "at_most": 8}, {"column": "part", "equals": [1.0]}):
+        read(tmp_path, plain, rows=[other, {"column": "part", "equals": ["1"]}])
     with pytest.raises(TableError, match="names the column 'cycle'; found"):
         read(tmp_path, plain, rows=[{"column": "cycle", "equals": [3]}])
     with pytest.raises(ConfigError, match="needs `equals`, `at_least` or `at_most`"):
         read(tmp_path, plain, rows=[{"column": "part"}])
+
+
+def test_a_value_of_a_filter_of_rows_stands_in_a_file_of_its_entry(tmp_path):
+    def folder_with(*wanted):
+        filters = [{"column": "way", "at_most": 20}, {"column": "part", "equals": list(wanted)}]
+        write(tmp_path, [HEADER, *rows()], rows=filters)
+        ones = [HEADER, *[line for line in rows() if line.endswith(",1")]]
+        write(tmp_path, ones, name="b.csv", rows=filters)
+        return read_mapped_folder(tmp_path, load_mapping(tmp_path / "mapping.yaml"))
+
+    for wanted in ([1], [1.0], ["0", 1]):
+        assert len(folder_with(*wanted)) == 2
+    with pytest.raises(
+        TableError, match=r"has \['3'\] in the column 'part'; found \['0', '1'\], correct `rows.equals`"
+    ):
+        folder_with(1, 3)
 
 
 def batches(folder, factors):

@@ -25,11 +25,10 @@ class Rows(Section):
             raise ValueError("a filter of rows needs `equals`, `at_least` or `at_most`")
         return self
 
-    @property
-    def filter(self) -> RowFilter:
-        """Return the filter as the CSV reader takes it."""
+    def filter(self, every: bool = True) -> RowFilter:
+        """Return the filter as the CSV reader takes it; every: each value of `equals` stands in every table it is for."""
         equals = None if self.equals is None else tuple(map(str, self.equals))
-        return RowFilter(self.column, equals, self.at_least, self.at_most)
+        return RowFilter(self.column, equals, self.at_least, self.at_most, every)
 
 
 class TableForm(Section):

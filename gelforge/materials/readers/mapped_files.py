@@ -22,6 +22,7 @@ from gelforge.config.foreign.mapping import (
     load_microindentation,
 )
 from gelforge.csv_table import CsvForm, TableError, blocks, read_csv
+from gelforge.csv_table.cells import Signs, few
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest, MaterialTest
 from gelforge.materials.basis.statistics import ROWS_OF_CURVE
 from gelforge.materials.plausibility.falls import fall_while_loading, fall_words
@@ -69,6 +70,8 @@ def read_mapped_folder(folder: str | Path, mapping: Mapping) -> list[Read]:
             f" the folder of {mapping.describes}"
         )
     _check_entries(folder, mapping, names, entries)
+    for entry in mapping.tests:
+        _check_values(folder, entry, [path for path, matching in zip(paths, entries) if entry in matching])
     return tests
 
 
@@ -97,6 +100,26 @@ def _check_entries(folder: Path, mapping: Mapping, names: Sequence[str], used: S
                 f"{folder}: entry {number} of the mapping ({entry.kind}, files {missing or entry.files}) reads no file;"
                 " correct `files`, move it before an entry that takes its files, repeat that entry's pattern if both read"
                 " one table, or set `optional: true`"
+            )
+
+
+def _check_values(folder: Path, entry: TestMapping, paths: Sequence[Path]) -> None:
+    """Refuse a value of a filter of rows that no file of its entry has: it is misspelt, and its rows are missed."""
+    for row in entry.rows:
+        if not row.equals:
+            continue
+        form = entry.table.csv_form({})
+        tables = [
+            read_csv(path, optional_texts=[row.column], form=part)
+            for path in paths
+            for _, part in blocks(path, [row.column], form)
+        ]
+        texts = {text for table in tables for text in table[row.column]}
+        signs = Signs(entry.table.decimal, entry.table.thousands)
+        if missing := row.filter().missing(texts, signs):
+            raise TableError(
+                f"{folder}: no file of {entry.files} has {few(missing)} in the column {row.column!r}; found"
+                f" {few(sorted(texts))}, correct `rows.equals`"
             )
 
 
@@ -196,7 +219,9 @@ def _check_headers(path: Path, columns: Sequence[Column]) -> None:
 def _form(entry: TestMapping, columns: Sequence[Column]) -> CsvForm:
     """Return how the table of an entry is written; rows without any of its values are those of curves next to it."""
     units = {c.column: c.known_unit for c in columns}
-    return entry.table.csv_form(units, tuple(row.filter for row in entry.rows), tuple(units))
+    # a file may lack a value that another one of the entry has (_check_values)
+    filters = tuple(row.filter(every=False) for row in entry.rows)
+    return entry.table.csv_form(units, filters, tuple(units))
 
 
 def _table(path: Path, entry: TestMapping, columns: Sequence[Column], form: CsvForm) -> pd.DataFrame:
