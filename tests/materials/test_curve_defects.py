@@ -6,6 +6,7 @@ import yaml
 
 from gelforge.config.foreign.mapping import load_mapping
 from gelforge.csv_table import TableError
+from gelforge.materials.basis.stresses import ogden_shape
 from gelforge.materials.readers.mapped_files import read_mapped
 from gelforge.materials.readers.material_tests import read_material_tests
 
@@ -50,6 +51,21 @@ def test_a_preload_is_refused_and_the_remedy_mends_it(tmp_path, preload):
         read(tmp_path, LAM, noisy(P(true)))
     mended = read(tmp_path, LAM, noisy(P(true)), corrections={"toe": "remove"})
     assert modulus(mended) == pytest.approx(1e3 * G, rel=0.02)
+
+
+@pytest.mark.parametrize("exponent", [1.3, 2.0, 3.0])
+@pytest.mark.parametrize(("kind", "end", "preload"), [("uniaxial", 1.8, 0.1), ("compression", 0.65, -0.04)])
+def test_a_preload_of_a_way_over_the_unloaded_length_is_mended(tmp_path, kind, end, preload, exponent):
+    """The extension was set to zero under load; the gauge length is that of the specimen before."""
+    stretch = np.linspace(1 + preload, end, 161)
+    stress = 1e3 * G * ogden_shape(kind, stretch, exponent)
+    way = stretch - 1 - preload
+    strain = {"column": "stretch", "measure": "engineering"}
+    mended = read(
+        tmp_path, way, noisy(stress, sd=0.01), kind=kind, strain=strain, corrections={"toe": "remove"}
+    )
+    shape = ogden_shape(kind, mended.stretch, exponent)
+    assert 1e3 * float(shape @ mended.nominal_stress / (shape @ shape)) == pytest.approx(1e3 * G, rel=0.01)
 
 
 def test_a_pull_that_rest_cannot_have_is_an_offset(tmp_path):

@@ -45,3 +45,13 @@ def neo_hookean_shape(test: str, stretch, stretch_2=None):
     if test == "biaxial":
         return lam - 1 / (lam**3 * stretch_2**2)
     return lam - lam ** {"uniaxial": -2, "compression": -2, "pure_shear": -3, "equibiaxial": -5}[test]
+
+
+def ogden_shape(test: str, stretch, exponent: float):
+    """Return the nominal stress [MPa] of an Ogden solid of one term and initial shear modulus 1 MPa; at 2 neo-Hookean."""
+    lam = np.asarray(stretch, dtype=float)
+    if test == "simple_shear":
+        lam = lam / 2 + np.sqrt(1 + lam**2 / 4)
+        return 2 / exponent * (lam**exponent - lam**-exponent) / (lam + 1 / lam)
+    other = {"uniaxial": 0.5, "compression": 0.5, "pure_shear": 1, "equibiaxial": 2}[test]
+    return 2 / exponent * (lam ** (exponent - 1) - lam ** (-other * exponent - 1))

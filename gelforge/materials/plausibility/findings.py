@@ -8,11 +8,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.segments import TOLERANCE, largest_back_step
 from gelforge.materials.basis.statistics import row_noise
-from gelforge.materials.basis.stresses import neo_hookean_shape
+from gelforge.materials.basis.stresses import neo_hookean_shape, ogden_shape
 from gelforge.materials.plausibility.rest_force import REST, rest_words
 
 # Preloads, offsets and toes are distinguished from noise (tests/materials/test_curve_defects.py):
@@ -24,6 +25,10 @@ STRAIN_AT_START = 0.005
 # (tests/materials/test_mapping.py).
 TOE_STRAIN = 0.005
 TOE_WINDOW = 0.25  # of strain above the first row; the small-strain modulus is found there
+# Exponent of an Ogden solid of one term: 1.3 of the first term of rubber (Ogden 1972), 2 of a neo-Hookean solid, 3 of a gel
+# that stiffens (judgement). It keeps the curve neo-Hookean where noise hides how it bends.
+EXPONENT, EXPONENT_SD = 2.0, 1.0
+LEAST_NOISE = 1e-4  # of the largest stress: what load cells resolve (judgement)
 RATE_DIFFERS = 0.1  # relative
 RATE_SPREAD = 1.5  # between the slow and the fast tenth of a loading
 INTERVAL_SPREAD = 3.0  # between the sampling intervals of one test
@@ -50,8 +55,18 @@ def findings(test: MaterialTest, stated_rate: float | None = None, stated_by: st
     return [sentence for part in parts for sentence in part]
 
 
-def corrected(test: MaterialTest, toe: bool = False, zero_force: bool = False, zero_strain: bool = False):
-    """Return the test with the corrections asked for, each stated in its findings."""
+def corrected(
+    test: MaterialTest,
+    toe: bool = False,
+    zero_force: bool = False,
+    zero_strain: bool = False,
+    of_gauge: bool = False,
+) -> MaterialTest:
+    """Return the test with the corrections asked for, each stated in its findings.
+
+    of_gauge: a strain is a way over the length of the unloaded specimen, which a zero set under load leaves as it is. Else
+    the zero of the strain is the length itself.
+    """
     said = []
     if zero_force and (offset := rest_stress(test)) is not None:
         said.append(f"corrected: {offset[0] * 1e3:.4g} kPa at rest subtracted (zero_force)")
@@ -60,15 +75,55 @@ def corrected(test: MaterialTest, toe: bool = False, zero_force: bool = False, z
         said.append("zero_force was asked for, but no row is at rest; nothing was subtracted")
     if zero_strain:
         said.append(f"corrected: the first row, {test.stretch[0]:.5g}, is taken as rest (zero_strain)")
-        test = _moved(test, test.stretch[0] - test.at_rest)
+        test = replace(
+            test, stretch=_moved(test.test, test.stretch, test.stretch[0] - test.at_rest, of_gauge)
+        )
     if toe:
-        shift = zero_stress_strain(test)
+        shift = _zero_of_stress(test, of_gauge)
         if shift is None:
             said.append("toe: remove was asked for, but the loading has too few rows near its start")
         else:
-            said.append(f"corrected: origin moved by {shift[0]:.4f} to the zero of stress (toe)")
-            test = _moved(test, shift[0])
+            said.append(f"corrected: origin moved by {shift:.4f} to the zero of stress (toe)")
+            test = replace(test, stretch=_moved(test.test, test.stretch, shift, of_gauge))
     return replace(test, findings=(*test.findings, *said))
+
+
+def _zero_of_stress(test: MaterialTest, of_gauge: bool) -> float | None:
+    """Return the strain of the zero of stress, by an Ogden solid of one term; None where there are too few rows.
+
+    How the curve bends decides where it meets zero, and no neo-Hookean solid bends as a gel that stiffens.
+    """
+    rows, start = _start_of_loading(test), zero_stress_strain(test)
+    if rows is None or start is None:
+        return None
+    lam, stress = rows
+    noise = max(row_noise(stress), LEAST_NOISE * np.abs(stress).max())
+
+    def errors(parameters: np.ndarray) -> np.ndarray:
+        shift, log_modulus, exponent = parameters
+        shape = ogden_shape(test.test, _moved(test.test, lam, shift, of_gauge), exponent)
+        return np.append((np.exp(log_modulus) * shape - stress) / noise, (exponent - EXPONENT) / EXPONENT_SD)
+
+    modulus = np.ptp(stress) / np.ptp(neo_hookean_shape(test.test, lam))
+    begin, far = np.array([start[0], np.log(modulus), EXPONENT]), np.array([0.5, 3.0, 3 * EXPONENT_SD])
+    fit = least_squares(errors, begin, bounds=(begin - far, begin + far), x_scale=[0.05, 0.5, 1.0])
+    return float(fit.x[0])
+
+
+def _start_of_loading(test: MaterialTest) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return stretches and stresses (n,) of the first loading's start, above a toe if there is one; None of too few rows."""
+    if test.test == "biaxial" or test.cauchy_difference is not None:
+        return None
+    first = next((s for s in test.segments if s.kind == "load"), None)
+    if first is None:
+        return None
+    lam, stress = test.stretch[first.rows], test.nominal_stress[first.rows]
+    near = np.abs(lam - lam[0]) <= TOE_WINDOW
+    if near.sum() < 5 or abs(lam[0] - test.at_rest) > abs(lam[-1] - test.at_rest):
+        return None
+    x = neo_hookean_shape(test.test, lam[near])
+    steep = np.abs(x - x[0]) > 0.2 * np.ptp(x)
+    return (lam[near][steep], stress[near][steep]) if steep.sum() >= 4 else None
 
 
 def rate_while_loading(test: MaterialTest) -> tuple[float, float, float] | None:
@@ -99,25 +154,16 @@ def zero_stress_strain(test: MaterialTest) -> tuple[float, float] | None:
     The neo-Hookean shape G (lam - lam^-2) straightens the curve of an elastomer, so that the extrapolation is
     not bent (compare the toe compensation of ASTM D638, annex A1). Below the zero the toe itself is left out.
     """
-    if test.test == "biaxial" or test.cauchy_difference is not None or not len(test.segments):
+    rows = _start_of_loading(test)
+    if rows is None:
         return None
-    first = next((s for s in test.segments if s.kind == "load"), None)
-    if first is None:
-        return None
-    lam, P = test.stretch[first.rows], test.nominal_stress[first.rows]
-    near = np.abs(lam - lam[0]) <= TOE_WINDOW
-    if near.sum() < 5 or abs(lam[0] - test.at_rest) > abs(lam[-1] - test.at_rest):
-        return None
-    x = neo_hookean_shape(test.test, lam[near])
-    steep = np.abs(x - x[0]) > 0.2 * np.ptp(x)  # above a toe, if there is one
-    if steep.sum() < 4:
-        return None
-    design = np.column_stack([np.ones(steep.sum()), x[steep]])
-    beta, *_ = np.linalg.lstsq(design, P[near][steep], rcond=None)
+    lam, stress = rows
+    design = np.column_stack([np.ones(len(lam)), neo_hookean_shape(test.test, lam)])
+    beta, *_ = np.linalg.lstsq(design, stress, rcond=None)
     if beta[1] <= 0:
         return None
-    residual = P[near][steep] - design @ beta
-    variance = residual @ residual / max(steep.sum() - 2, 1) * np.linalg.pinv(design.T @ design)
+    residual = stress - design @ beta
+    variance = residual @ residual / max(len(lam) - 2, 1) * np.linalg.pinv(design.T @ design)
     zero = -beta[0] / beta[1]
     gradient = np.array([-1 / beta[1], beta[0] / beta[1] ** 2])
     slope = {"uniaxial": 3, "compression": 3, "pure_shear": 4, "equibiaxial": 6, "simple_shear": 1}[test.test]
@@ -136,12 +182,11 @@ def rest_stress(test: MaterialTest) -> tuple[float, float] | None:
     return float(stress.mean()), row_noise(test.nominal_stress)
 
 
-def _moved(test: MaterialTest, shift: float) -> MaterialTest:
-    """Return the test with its origin moved: the gauge length was (1 + shift) times longer, or shear offset."""
-    if test.test == "simple_shear":
-        return replace(test, stretch=test.stretch - shift)
-    factor = 1 + shift  # both stresses keep their values: the force and the undeformed section stay
-    return replace(test, stretch=test.stretch / factor)
+def _moved(test: str, stretch: np.ndarray, shift: float, of_gauge: bool) -> np.ndarray:
+    """Return the stretch with its origin moved by a strain; stresses keep their values, as force and section stay."""
+    if of_gauge or test == "simple_shear":
+        return stretch - shift
+    return stretch / (1 + shift)  # the zero was (1 + shift) times longer
 
 
 def few_rows(n: int) -> list[str]:

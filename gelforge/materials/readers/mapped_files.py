@@ -372,7 +372,8 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
     check_declared_rate(path, entry, rate)
     test = replace(test, rate_per_s=rate[0] if rate else stated, findings=(*test.findings, *odd))
     asked = entry.corrections
-    return corrected(test, asked.toe == "remove", asked.zero_force, asked.zero_strain)
+    of_gauge = entry.strain is not None and entry.strain.measure in ("displacement", "engineering")
+    return corrected(test, asked.toe == "remove", asked.zero_force, asked.zero_strain, of_gauge)
 
 
 def _sorted(path: Path, entry: TestMapping, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
