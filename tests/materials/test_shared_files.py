@@ -277,7 +277,7 @@ def test_a_toe_is_removed_only_when_asked():
     asked = entry.corrections.model_copy(update={"toe": "remove"})
     path = SHARED / "soro_materials_db" / "Dragon Skin 20.csv"
     moved = read_mapped(path, entry.model_copy(update={"corrections": asked}))[0]
-    np.testing.assert_allclose(moved.stretch, kept.stretch / 1.0194, rtol=1e-4)  # four digits of the finding
+    np.testing.assert_allclose(moved.stretch, kept.stretch - 0.0194, rtol=1e-4)  # four digits of the finding
     assert "corrected: origin moved by 0.0194" in " ".join(moved.findings)
 
 

@@ -89,14 +89,15 @@ def corrected(
 
 
 def _zero_of_stress(test: MaterialTest, of_gauge: bool) -> float | None:
-    """Return the strain of the zero of stress, by an Ogden solid of one term; None where there are too few rows.
+    """Return the strain of the zero of stress; None where there are too few rows.
 
-    How the curve bends decides where it meets zero, and no neo-Hookean solid bends as a gel that stiffens.
+    That of a preloaded specimen lies outside the rows, and how these bend decides where. No neo-Hookean solid bends as a gel
+    that stiffens: it is found by an Ogden solid of one term.
     """
-    rows, start = _start_of_loading(test), zero_stress_strain(test)
-    if rows is None or start is None:
-        return None
-    lam, stress = rows
+    start = zero_stress_strain(test)
+    if start is None or start[0] * np.sign(test.stretch[-1] - test.at_rest) >= 0:
+        return None if start is None else start[0]
+    lam, stress = _start_of_loading(test)
     noise = max(row_noise(stress), LEAST_NOISE * np.abs(stress).max())
 
     def errors(parameters: np.ndarray) -> np.ndarray:
@@ -110,20 +111,16 @@ def _zero_of_stress(test: MaterialTest, of_gauge: bool) -> float | None:
     return float(fit.x[0])
 
 
-def _start_of_loading(test: MaterialTest) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return stretches and stresses (n,) of the first loading's start, above a toe if there is one; None of too few rows."""
-    if test.test == "biaxial" or test.cauchy_difference is not None:
-        return None
+def _start_of_loading(test: MaterialTest) -> tuple[np.ndarray, np.ndarray]:
+    """Return stretches and stresses (n,) of the first loading's start; none of too few rows."""
+    none = np.zeros(0), np.zeros(0)
     first = next((s for s in test.segments if s.kind == "load"), None)
-    if first is None:
-        return None
+    if first is None or test.test == "biaxial" or test.cauchy_difference is not None:
+        return none
     lam, stress = test.stretch[first.rows], test.nominal_stress[first.rows]
     near = np.abs(lam - lam[0]) <= TOE_WINDOW
-    if near.sum() < 5 or abs(lam[0] - test.at_rest) > abs(lam[-1] - test.at_rest):
-        return None
-    x = neo_hookean_shape(test.test, lam[near])
-    steep = np.abs(x - x[0]) > 0.2 * np.ptp(x)
-    return (lam[near][steep], stress[near][steep]) if steep.sum() >= 4 else None
+    far = abs(lam[0] - test.at_rest) > abs(lam[-1] - test.at_rest)
+    return none if near.sum() < 5 or far else (lam[near], stress[near])
 
 
 def rate_while_loading(test: MaterialTest) -> tuple[float, float, float] | None:
@@ -154,10 +151,14 @@ def zero_stress_strain(test: MaterialTest) -> tuple[float, float] | None:
     The neo-Hookean shape G (lam - lam^-2) straightens the curve of an elastomer, so that the extrapolation is
     not bent (compare the toe compensation of ASTM D638, annex A1). Below the zero the toe itself is left out.
     """
-    rows = _start_of_loading(test)
-    if rows is None:
+    lam, stress = _start_of_loading(test)
+    if not len(lam):
         return None
-    lam, stress = rows
+    x = neo_hookean_shape(test.test, lam)
+    steep = np.abs(x - x[0]) > 0.2 * np.ptp(x)  # above a toe, if there is one
+    if steep.sum() < 4:
+        return None
+    lam, stress = lam[steep], stress[steep]
     design = np.column_stack([np.ones(len(lam)), neo_hookean_shape(test.test, lam)])
     beta, *_ = np.linalg.lstsq(design, stress, rcond=None)
     if beta[1] <= 0:
