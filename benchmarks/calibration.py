@@ -102,7 +102,8 @@ def case(number: int, seed: int, kind: str, sizes: float, out: Path) -> dict:
     )
     truth = with_keys(truth, material={"stiffness_factor": {"gel": factor}})
     folder = out / f"case{number:03d}"
-    record(folder / "concealed", truth, kind, rng)
+    if not (folder / "concealed").is_dir():
+        record(folder / "concealed", truth, kind, rng)
     clock = time.process_time()
     content = calibrate_folder(
         study_of(kind, sizes), folder / "concealed", ["gel.modulus", "friction"], {}, folder / "out"
@@ -137,7 +138,7 @@ def main() -> None:
     parser.add_argument(
         "--sizes", type=float, default=1.0, help="of the study's elements, over those of KINDS"
     )
-    parser.add_argument("--out", type=Path, help="folder to keep; a temporary one if not given")
+    parser.add_argument("--out", type=Path, help="folder to keep, whose recordings are used again")
     options = parser.parse_args()
     out, kinds = options.out or Path(tempfile.mkdtemp()), options.kinds.split(",")
     rows = []

@@ -222,7 +222,7 @@ def _reached(
             if np.all(np.abs(there - linear.at) < NEAR * linear.prior_sd):
                 near = linear.moved(there, _forces(replace(solver, study=study), observations), study)
                 # A step that fits worse has taught the columns, and is not taken.
-                return near if near.cost() <= linear.cost() + ENOUGH else linear.taught_by(near)
+                return near if near.cost() <= linear.cost() else linear.taught_by(near)
             return _about(replace(solver, study=study), observations, free, there)
         except (SolverFailed, NotConverged) as failure:
             reason = failure

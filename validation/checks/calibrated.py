@@ -1,6 +1,6 @@
 """The gel's modulus by `gelforge calibrate` from nulls of a concealed set, which FElupe made, starting from a wrong one.
 
-usage: python -m validation.checks.calibrated SET [--cases c001 c002] [--factors 0.5 2] [--out FOLDER]
+usage: python -m validation.checks.calibrated SET [--cases c001 ...] [--factors 0.5 ...] [--out FOLDER]
 
 The base study of the small sensor with elements of 0.3 and 0.6 mm and the gel's modulus times a factor; in a null the true
 one is that of the study. Each case takes some four CPU minutes. SYNTHETIC.
@@ -21,6 +21,7 @@ from gelforge.indentation.effects.catalogue import with_keys
 from validation.__main__ import SETS
 from validation.sets import CONFIG
 
+FACTORS = [0.5, 2.0, 0.35, 2.9, 0.6, 1.7, 0.75, 1.3, 0.9, 1.1]  # within the prior, a factor of three
 MESH = {"mechanics": {"mesh": {"near_mm": 0.3, "far_mm": 0.6}}}
 
 
@@ -48,8 +49,8 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("set")
-    parser.add_argument("--cases", nargs="+", default=["c001", "c002"])
-    parser.add_argument("--factors", nargs="+", type=float, default=[0.5, 2.0])
+    parser.add_argument("--cases", nargs="+", default=[f"c{number:03d}" for number in range(1, 11)])
+    parser.add_argument("--factors", nargs="+", type=float, default=FACTORS)
     parser.add_argument("--out", type=Path, default=Path("results/concealed/calibrated"))
     asked = parser.parse_args()
     rows = [
