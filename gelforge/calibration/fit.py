@@ -126,7 +126,7 @@ class Fit:
     a: np.ndarray  # (q,) coordinates less those of the priors' means
     covariance: np.ndarray  # (q, q)
     start: Linear  # about the priors' means
-    last: Linear  # about the last estimate but one: the last step is smaller than ENOUGH, if converged
+    last: Linear  # about the last estimate that was solved: the step from it is below ENOUGH, or between two refused ones
     solved: int  # estimates
     converged: bool
     block: str  # what is held out: positions, deepest
@@ -154,21 +154,28 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
     study = _study_at(solver.study, free, given, a)
     linear = start = _about(replace(solver, study=study), observations, free, a, first=True)
     observations, every = start.problem.observations, np.ones(len(start.problem.labels), bool)
-    across = False
+    across, refused = False, None
     for solved in range(1, MOST + 1):
         fit = linear.fitted(every)
         a = np.concatenate(fit.amounts)
         sd = np.sqrt(np.diag(fit.covariance))
-        converged = bool(np.all(np.abs(a - linear.at) <= ENOUGH * sd))
+        step = a - linear.at
+        # where a surface begins to slip, sensitivities of either side point to the other one
+        between = refused is not None and float(np.sum(step * refused / sd**2)) < 0
+        converged = between or bool(np.all(np.abs(step) <= ENOUGH * sd))
+        if between:
+            a = linear.at
         if across and (converged or solved == MOST):
             break
         if not across and (converged or solved == MOST // 2):
-            linear, across = _across(solver, observations, free, linear, sd), True
+            linear, across, refused = _across(solver, observations, free, linear, sd), True, None
             continue
         stage(
             "step " + ", ".join(f"{one.name} {one.value(x):.4g} {one.kind.unit}" for one, x in zip(free, a))
         )
-        linear = _reached(solver, observations, free, linear, a)
+        reached = _reached(solver, observations, free, linear, a)
+        refused = step if np.array_equal(reached.at, linear.at) else None
+        linear = reached
     block, held_out = held_out_of(linear.problem, solver.study.seed)
     a_trained = np.concatenate(linear.fitted(~held_out).amounts) if held_out.any() else a
     test = global_test(linear.left(a), linear.problem.covariance, linear.columns)
