@@ -295,6 +295,8 @@ def test_frames_are_sorted_by_their_numbers(tmp_path):
         ("both", [f"cam{c}.{k}" for c in (1, 2) for k in (2, 9, 10, 20)]),
         ("every second", [f"cam1.{k}" for k in range(1, 20, 2)]),
         ("padded", [f"t1.{k:02d}" for k in range(1, 21)]),
+        ("some lost", ["cam1.9", "cam1.11", "cam1.12", "cam1.14"]),
+        ("hundredths", [f"t0.{k:02d}".rstrip("0") for k in range(1, 13)]),
     ):
         (tmp_path / folder).mkdir()
         for name in names:

@@ -30,7 +30,7 @@ def images_in(folder: Path) -> list[Path]:
     """Return the images of a folder by the numbers in their names: frame_2 before frame_10, 1.25 before 1.5.
 
     Digits after a point that count on, as in cam1.2 and cam1.10, are a number of their own. They do where they have several
-    widths, and a longer one ends in zero or all rise by equal steps.
+    widths, and a longer one ends in zero, all rise by equal steps, or they fill half of their range.
 
     Parameters
     ----------
@@ -68,7 +68,9 @@ def _counts(fractions: set[str]) -> bool:
     widths, numbers = {len(text) for text in fractions}, sorted(map(int, fractions))
     even = len(numbers) > 2 and len({after - before for before, after in zip(numbers, numbers[1:])}) == 1
     last_zero = any(len(text) > min(widths) and text.endswith("0") for text in fractions)
-    return len(widths) > 1 and (even or last_zero)
+    padded = any(len(text) > 1 and text.startswith("0") for text in fractions)
+    dense = bool(numbers) and not padded and 2 * len(numbers) > numbers[-1] - numbers[0] + 1
+    return len(widths) > 1 and (even or last_zero or dense)
 
 
 def frames(source: str | Path | int) -> Iterator[Frame]:
