@@ -175,9 +175,8 @@ class PressedWithFriction:
 
     stick_ratio: float  # stick radius over contact radius
     friction_share: float  # sum of the radial friction over the normal force
-    stiffening: (
-        float  # normal force over that of the frictionless press to the same depth, of a flat indenter
-    )
+    # Normal force over that of the frictionless press to the same depth, of a flat indenter
+    stiffening: float
 
 
 def pressed_with_friction(friction: float, nu: float, rings: int = 200) -> PressedWithFriction:
@@ -213,9 +212,8 @@ def pressed_with_friction(friction: float, nu: float, rings: int = 200) -> Press
     edges = np.sin(np.linspace(0, np.pi / 2, rings + 1))
     r = (edges[1:] + edges[:-1]) / 2
     pressing, rubbing = (_ring_moves(edges, r, _KERNELS[order]) for order in (0, 1))
-    beyond = np.maximum(
-        edges[1:] - np.maximum(edges[:-1], r[:, None]), 0
-    )  # the length of a ring that lies beyond r
+    # The length of a ring that lies beyond r
+    beyond = np.maximum(edges[1:] - np.maximum(edges[:-1], r[:, None]), 0)
     within = np.maximum(np.minimum(edges[1:], r[:, None]) ** 2 - edges[:-1] ** 2, 0) / (2 * r[:, None])
     direct, cross = 1 - nu, (1 - 2 * nu) / 2
     down = np.hstack([direct * pressing, -cross * beyond])

@@ -26,9 +26,8 @@ from gelforge.meshing.tetwild import tetrahedralize
 
 # Volumes, surfaces and shapes of meshed bodies (tests/meshing/test_tetrahedra.py):
 EDGE_PER_NODE_DISTANCE = 2.0  # a quadratic tetrahedron has a node at the middle of each edge
-STEEP = (
-    0.1  # a face whose outward normal has a smaller vertical component is a side: it has no place in the bins
-)
+# A face whose outward normal has a smaller vertical component is a side: it has no place in the bins
+STEEP = 0.1
 # The envelope cuts edges off by slivers that look anywhere: a node of which less than this share looks up lies on a side.
 SLIVER = 0.1
 ASTRAY = 5  # times sizes.stray: the mesher and a dome's coarse draft together move a node by less than half of this

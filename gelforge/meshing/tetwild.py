@@ -90,9 +90,8 @@ def _background(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarr
     points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     cell = np.stack(np.meshgrid(*[np.arange(m) for m in n], indexing="ij"), axis=-1).reshape(-1, 3)
     parts = []
-    for order in itertools.permutations(
-        range(3)
-    ):  # Kuhn's six: one path along the axes from corner to corner each
+    # Kuhn's six: one path along the axes from corner to corner each
+    for order in itertools.permutations(range(3)):
         path = np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(order)]], axis=0)
         corners = np.stack([np.ravel_multi_index((cell + step).T, tuple(n + 1)) for step in path], axis=-1)
         even = np.linalg.det(np.eye(3)[list(order)]) > 0
@@ -142,9 +141,8 @@ def _slot_of(content: bytes, symbol: bytes) -> int:
     sections = [
         dict(zip(fields, struct.unpack_from("<IIQQQQIIQQ", content, table + width * k))) for k in range(count)
     ]
-    for relocations in (
-        s for s in sections if s["type"] == 4
-    ):  # SHT_RELA: (address, symbol and kind, addend)
+    # SHT_RELA: (address, symbol and kind, addend)
+    for relocations in (s for s in sections if s["type"] == 4):
         symbols = sections[relocations["link"]]
         if symbols["entry"] != 24:
             continue

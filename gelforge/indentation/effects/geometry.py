@@ -31,9 +31,8 @@ def moved_mesh(mesh: Mesh, sensor: Sensor, effects: Effects) -> Mesh:
     _check_thickness(sensor, heights, rise)
     z = mesh.X[:, 2]
     layer = np.clip(np.searchsorted(heights, z, side="right") - 1, 0, len(heights) - 2)
-    up = np.clip(
-        (z - heights[layer]) / np.diff(heights)[layer], 0, 1
-    )  # below the layers all moves as their base
+    # Below the layers all moves as their base
+    up = np.clip((z - heights[layer]) / np.diff(heights)[layer], 0, 1)
     node = np.arange(len(z))
     X = mesh.X.copy()
     X[:, 2] = z + (1 - up) * rise[node, layer] + up * rise[node, layer + 1]

@@ -61,9 +61,8 @@ def centre_at_contact(indenter: Indenter, mesh: Mesh, x: float, y: float, along:
     faces = mesh.surface.faces
     corner = mesh.X[faces[:, :3]]
     size = np.linalg.norm(corner[:, 0] - corner[:, 1], axis=1)
-    near = (
-        np.linalg.norm(corner.mean(axis=1) - first, axis=1) < 3 * size
-    )  # the contact point lies between the nodes around the first
+    # The contact point lies between the nodes around the first
+    near = np.linalg.norm(corner.mean(axis=1) - first, axis=1) < 3 * size
     points = np.concatenate([nodes, _sampled(mesh.X[faces[near]])])
     return _advanced(indenter, points, far, along)
 

@@ -126,9 +126,8 @@ def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
             raise ConfigError(f"{path}: no face; save the body's surface as triangles")
         return vertices, triangles
     try:
-        with np.errstate(
-            over="ignore"
-        ):  # meshio takes the text of an ASCII STL for a number of triangles first
+        # Meshio takes the text of an ASCII STL for a number of triangles first
+        with np.errstate(over="ignore"):
             read = meshio.read(path)
     except (
         meshio.ReadError,

@@ -65,9 +65,8 @@ class Companion:
 
     total: np.ndarray  # (D, 3) [N]
     bins: np.ndarray  # (D, B, 3) [N]
-    total_slopes: (
-        np.ndarray
-    )  # (n, D, 3) [N per standard deviation], one per independent direction of the laws' parameters
+    # (n, D, 3) [N per standard deviation], one per independent direction of the laws' parameters
+    total_slopes: np.ndarray
     bin_slopes: np.ndarray  # (n, D, B, 3)
 
 

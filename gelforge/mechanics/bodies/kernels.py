@@ -270,9 +270,8 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool, CODE: int = C
                 if MEMORY:
                     amount, m, share = softening[r, 0], softening[r, 1], softening[r, 2]
                     if amount != 0.0:
-                        density, beta, gamma = soften(
-                            density, beta, gamma, take(peaks, points, q), amount, m, share
-                        )
+                        largest_yet = take(peaks, points, q)
+                        density, beta, gamma = soften(density, beta, gamma, largest_yet, amount, m, share)
                     size = factor * gain[r]
                 spent += w * factor * density
                 most = max(most, extension)

@@ -49,9 +49,8 @@ class Sizes:
     growth: float = 0.25  # d(size)/d(distance)
     far: float = 1.2
     envelope: float = 0.04  # mm: see stray
-    wall_parts: float = (
-        2.0  # sizes through the thickness of a wall or a thin shell near the contact, which bends
-    )
+    # Sizes through the thickness of a wall or a thin shell near the contact, which bends
+    wall_parts: float = 2.0
 
     @property
     def halvings(self) -> int:
@@ -93,9 +92,8 @@ class Surface:
     nodes: np.ndarray  # (S,) numbers of the nodes that do not hang
     area: np.ndarray  # (S,) [mm^2] each node's share of the undeformed faces (elements.lumped_area), positive
     top: np.ndarray  # (S,) bool, nodes of the top surface (z = 0); the others lie on the sides
-    faces: (
-        np.ndarray
-    )  # (Q, 4) corners, or (Q, 6) corners and edge middles, of the top surface's faces, hanging ones included
+    # (Q, 4) corners, or (Q, 6) corners and edge middles, of the top surface's faces, hanging ones included
+    faces: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -108,9 +106,8 @@ class Mesh:
     regions: tuple[str, ...]
     fixed: np.ndarray  # (N,) bool, nodes held on the base
     surface: Surface
-    ties: sp.csr_matrix | None = (
-        None  # (N, N) values at all nodes from those that do not hang; None: no node hangs
-    )
+    # (N, N) values at all nodes from those that do not hang; None: no node hangs
+    ties: sp.csr_matrix | None = None
 
     @property
     def hanging(self) -> np.ndarray:

@@ -235,9 +235,8 @@ class _Chain:
             return lifts
         base, P = self.base, len(self.varied)
         touches = [touching(base.contact, after) for after in afters]
-        self.nodes = (
-            np.flatnonzero(np.any(touches, axis=0)) if touches else np.empty(0, int)
-        )  # of the surface
+        # Of the surface
+        self.nodes = np.flatnonzero(np.any(touches, axis=0)) if touches else np.empty(0, int)
         nodes = base.surface[self.nodes]
         self.tangent = UnsymmetricTangent(base.body.pattern, nodes, base.corrections.solver.name)
         self.u = np.zeros((P, len(nodes), 3))  # slope at these nodes, and of their last motion
