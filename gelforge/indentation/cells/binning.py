@@ -63,9 +63,8 @@ def surface_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
     ]
     rows, columns, values = [], [], []
     for corner, (end_x, end_y) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1)]):
-        (bin_x, part_x), (bin_y, part_y) = (
-            (first, part[end]) for (first, part), end in zip(share, (end_x, end_y))
-        )
+        (bin_x, parts_x), (bin_y, parts_y) = share
+        part_x, part_y = parts_x[end_x], parts_y[end_y]
         for i in range(part_x.shape[1]):
             for j in range(part_y.shape[1]):
                 value = part_x[:, i] * part_y[:, j]
@@ -97,9 +96,8 @@ def _triangle_shares(mesh: Mesh, sensor: Sensor) -> sp.csr_matrix:
     value = face_areas(mesh)[:, None, None] * np.concatenate([L, middle], axis=1)  # (F, parts, 6)
     rows = np.broadcast_to((bins.nx * index[..., 1] + index[..., 0])[..., None], value.shape)
     columns = np.broadcast_to(faces[:, None, :], value.shape)
-    shares = sp.csr_matrix(
-        (value.ravel(), (rows.ravel(), columns.ravel())), shape=(bins.nx * bins.ny, len(mesh.X))
-    )
+    entries = value.ravel(), (rows.ravel(), columns.ravel())
+    shares = sp.csr_matrix(entries, shape=(bins.nx * bins.ny, len(mesh.X)))
     return _normalised(shares[:, mesh.surface.nodes])
 
 

@@ -24,9 +24,8 @@ MARGIN = 1.1
 
 def by_region(values: dict, regions: tuple[str, ...], top: str, default) -> dict:
     """Return the value of each region; wall and flange follow the top layer unless they are named."""
-    return {
-        name: values.get(name, values.get(top, default) if name in OF_TOP else default) for name in regions
-    }
+    of_top = dict.fromkeys(OF_TOP, values.get(top, default))
+    return {name: values.get(name, of_top.get(name, default)) for name in regions}
 
 
 def region_laws(
@@ -89,10 +88,10 @@ def region_bulk(sensor: Sensor, mechanics: Mechanics, regions: tuple[str, ...]) 
         K/mu by region.
     """
     material = mechanics.effects.material
-    given = material.bulk_to_shear | {
-        name: bulk_to_shear_of(nu) for name, nu in material.poissons_ratio.items()
-    }
-    return by_region(given, regions, sensor.layers[-1].name, mechanics.bulk_to_shear)
+    by_ratio = {name: bulk_to_shear_of(nu) for name, nu in material.poissons_ratio.items()}
+    return by_region(
+        material.bulk_to_shear | by_ratio, regions, sensor.layers[-1].name, mechanics.bulk_to_shear
+    )
 
 
 def stretches_ahead(
@@ -113,10 +112,8 @@ def stretches_ahead(
     for name in regions:
         factor = dict(zip([layer.name for layer in layers], strained)).get(name, 1.0)
         e = MARGIN * max(share, 0.0) * factor
-        stretches[name] = (
-            float(min(residual) * np.exp(-COMPRESSION * e)),
-            float(max(residual) * np.exp(STRETCHING * e)),
-        )
+        smallest, largest = min(residual) * np.exp(-COMPRESSION * e), max(residual) * np.exp(STRETCHING * e)
+        stretches[name] = float(smallest), float(largest)
     return stretches
 
 

@@ -41,9 +41,8 @@ def surface_point(mesh: Mesh, x: float, y: float) -> tuple[np.ndarray, np.ndarra
     for _ in range(8):  # from the flat quarter of the face: a curved face differs little
         N, dN = _triangle6(L)
         tangents = np.stack([dN[1] - dN[0], dN[2] - dN[0]]) @ nodes  # (2, 3)
-        L = L + np.array([[-1, -1], [1, 0], [0, 1]]) @ np.linalg.solve(
-            tangents[:, :2].T, p - N @ nodes[:, :2]
-        )
+        step = np.linalg.solve(tangents[:, :2].T, p - N @ nodes[:, :2])
+        L = L + np.array([[-1, -1], [1, 0], [0, 1]]) @ step
     normal = np.cross(*tangents)
     return _triangle6(L)[0] @ nodes, normal / np.linalg.norm(normal)
 
@@ -75,13 +74,9 @@ def _triangle6(L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the shape functions (..., 6) of a six-node triangle at area coordinates L (..., 3), and dN/dL (3, ..., 6)."""
     a, b = SIDES.T
     N = np.concatenate([L * (2 * L - 1), 4 * L[..., a] * L[..., b]], axis=-1)
-    dN = [
-        np.concatenate(
-            [(4 * L - 1) * (np.arange(3) == k), 4 * ((a == k) * L[..., b] + (b == k) * L[..., a])], axis=-1
-        )
-        for k in range(3)
-    ]
-    return N, np.array(dN)
+    corners = [(4 * L - 1) * (np.arange(3) == k) for k in range(3)]
+    middles = [4 * ((a == k) * L[..., b] + (b == k) * L[..., a]) for k in range(3)]
+    return N, np.concatenate([corners, middles], axis=-1)
 
 
 def _sampled(nodes: np.ndarray) -> np.ndarray:

@@ -109,14 +109,8 @@ def visited(places: np.ndarray, tolerance_mm: float, names: list[str] | None = N
     named = list(names) if names else [""] * len(places)  # a site takes the first name that a member has
     near = cKDTree(places).query_ball_point(places, tolerance_mm + ROUNDING_MM)
     for number, around in enumerate(near):
-        known = [
-            k
-            for k in around
-            if k < number
-            and site[k] == k
-            and (not named[k] or not named[number] or named[k] == named[number])
-        ]
-        if known:
+        first = [k for k in around if k < number and site[k] == k]
+        if known := [k for k in first if not (named[k] and named[number]) or named[k] == named[number]]:
             nearest = min(known, key=lambda k: (float(gaps_to(places[k], places[number])[0]), k))
             site[number], named[nearest] = nearest, named[nearest] or named[number]
     return site

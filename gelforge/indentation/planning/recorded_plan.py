@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -128,13 +129,8 @@ def _places_of(
     folder: Path, width_mm: tuple[float, float], changed_ns: tuple[int, int]
 ) -> tuple[RecordedPlace, ...]:
     table = folder / "indentations.csv"
-    rows, columns = read_columns(
-        table,
-        numbers=["x_mm", "y_mm"],
-        optional_numbers=["depth_mm"],
-        texts=["press", "phase"],
-        optional_texts=["cell"],
-    )
+    optional: dict[str, Any] = {"optional_numbers": ["depth_mm"], "optional_texts": ["cell"]}
+    rows, columns = read_columns(table, numbers=["x_mm", "y_mm"], texts=["press", "phase"], **optional)
     stage = load_session(folder / "session.yaml").stage_to_sensor
     xy = stage_to_sensor(np.column_stack([columns["x_mm"], columns["y_mm"]]), stage)
     if wrong := first_outside(xy, width_mm):
@@ -160,9 +156,8 @@ def _places_of(
         known = places.get(press)
         x, y = (known.x_mm, known.y_mm) if known else map(float, np.round(xy[k], 6))
         deepest = max(float(depth[k]), known.depth_mm if known else 0.0)
-        places[press] = RecordedPlace(
-            press, known.site if known else site, x, y, deepest, f"{table}, row {rows[k]}"
-        )
+        site = known.site if known else site
+        places[press] = RecordedPlace(press, site, x, y, deepest, f"{table}, row {rows[k]}")
     if not places:
         raise ConfigError(f"{table}: no load or dwell row; plan.from: sessions finds no indentation there")
     return tuple(places.values())

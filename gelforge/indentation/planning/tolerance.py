@@ -66,9 +66,8 @@ def stage_repeatability_mm(study: Study) -> float:
     if study.virtual_lab:
         return 0.0
     files = [study.session_folder(name) / "session.yaml" for name in study.sessions]
-    return max(
-        (_repeatability(path, path.stat().st_mtime_ns) for path in files if path.is_file()), default=0.0
-    )
+    stated = [_repeatability(path, path.stat().st_mtime_ns) for path in files if path.is_file()]
+    return max(stated, default=0.0)
 
 
 @lru_cache(maxsize=256)

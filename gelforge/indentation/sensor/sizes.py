@@ -66,11 +66,8 @@ def check_fits(sensor: Sensor, low: np.ndarray, high: np.ndarray) -> None:
                 "width_y_mm"
             )
     room = np.array([[0.0, 0.0, -np.inf], [*wide, 0.0]])
-    if (
-        (low >= room[0] - OUTSIDE_MM).all()
-        and (high <= room[1] + OUTSIDE_MM).all()
-        and high[2] >= -OUTSIDE_MM
-    ):
+    within = (low >= room[0] - OUTSIDE_MM).all() and (high <= room[1] + OUTSIDE_MM).all()
+    if within and high[2] >= -OUTSIDE_MM:
         return
     turned = rotation_about_axes(shape.orientation_deg).T @ [low[0], low[1], high[2]]
     origin = [round(float(value), 4) for value in np.array(shape.origin_mm) + turned]
