@@ -19,8 +19,10 @@ SAME_PLACE = 5e-4  # of the body's largest extent: surfaces this near coincide, 
 # Of it: a gap between facing surfaces that is narrower is no chamber, 0.4 mm of 20 mm. One of 0.1 mm is asked about
 # (tests/meshing/test_layout.py).
 THIN = 0.02
-FACING = -0.7  # cosine between normals of faces that look at each other
-SHARE = 0.01  # of a surface's points that must face another across a thin gap: fewer lie along an edge
+# Cosine between normals of faces that look at each other, within 45 deg (tests/meshing/test_layout.py).
+FACING = -0.7
+# Of a surface's points that must face another across a thin gap: fewer lie along an edge (tests/meshing/test_layout.py).
+SHARE = 0.01
 
 
 @dataclass(frozen=True)

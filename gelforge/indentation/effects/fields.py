@@ -15,11 +15,14 @@ from gelforge.indentation.effects.material import by_region, region_bulk
 from gelforge.mechanics.meshes.elements import ELEMENTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
-# Share of its stiffness that what is wholly lost keeps, so that every node is held: 0.1 % of it in the forces.
+# Share of its stiffness that what is wholly lost keeps, so that every node is held: a strip does 0.9985 of what one that is
+# cut out does (tests/indentation/test_effects_limits.py).
 LEAST = 1e-3
 CONSTRAINT = 0.4  # Eshelby's 6 (K + 2 G) / (5 (3 K + 4 G)) of a ball, K >> G
 RIGID, LOST = 1 / CONSTRAINT, -1 / (1 - CONSTRAINT)
-PARTS = 6  # sample points along an element's side: a share of volume to about 1e-2
+# Sample points along an element's side: the volume of a ball of radius 1.2 elements is right to 2 %
+# (tests/indentation/test_element_stiffness.py).
+PARTS = 6
 
 
 def element_stiffness(

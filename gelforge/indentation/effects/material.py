@@ -17,8 +17,9 @@ OF_TOP = ("wall", "flange")  # regions of the top layer's material
 # with balls of radius 2 to 8 mm, a flat cylinder and 1 to 3 layers of 4 mm, soft under, over and between stiff ones, at
 # 0.13 to 0.5 of their height, elements of 0.5 mm. The softest layer's was 0.3 to 1.17 and 0.4 to 1.87.
 STRETCHING, COMPRESSION = 1.2, 1.9
-# With elements of 0.3 instead of 0.6 mm strains at 0.3 of the height grow by 1 % or less under a ball on two layers and by
-# 7 % on one; points inside an element are strained more than its mean, and other sensors may be beyond those tried.
+# Measured with elements of 0.3 instead of 0.6 mm: strains at 0.3 of the height grow by 1 % or less under a ball on two
+# layers and by 7 % on one; points inside an element are strained more than its mean, and other sensors may be beyond those
+# tried.
 MARGIN = 1.1
 
 

@@ -9,8 +9,10 @@ from gelforge.mechanics.indenters.shapes import Indenter
 from gelforge.mechanics.meshes.elements import TRIANGLE6_PARTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
-FINE = 24  # parts along a face's side: a face of 0.6 mm is then sampled every 0.025 mm, a ball's contact known to 2e-5 mm
-# The gap at which the indenter touches: a millionth of a micrometre, far below 1e-6 mm of the files.
+# Parts along a face's side: on a face of 0.6 mm every point has a sample within 0.018 mm, and up to there a ball of radius 8
+# mm rises by 0.018^2 / (2 x 8) = 2e-5 mm (contacts of a ball: tests/indentation/test_shapes.py).
+FINE = 24
+# The gap at which the indenter touches: a thousandth of the 1e-6 mm to which files hold positions (paths/places.py).
 NEAR_MM = 1e-9
 TRIANGLE6_NODES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])
 SIDES = np.array([[0, 1], [1, 2], [2, 0]])  # of whose ends the nodes 3 to 5 are the middles
@@ -60,7 +62,7 @@ def centre_at_contact(indenter: Indenter, mesh: Mesh, x: float, y: float, along:
     faces = mesh.surface.faces
     corner = mesh.X[faces[:, :3]]
     size = np.linalg.norm(corner[:, 0] - corner[:, 1], axis=1)
-    # The contact point lies between the nodes around the first
+    # the contact point lies between the nodes around the first
     near = np.linalg.norm(corner.mean(axis=1) - first, axis=1) < 3 * size
     points = np.concatenate([nodes, _sampled(mesh.X[faces[near]])])
     return _advanced(indenter, points, far, along)

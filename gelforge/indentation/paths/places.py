@@ -8,8 +8,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-POSITION_MATCH_MM = 0.01  # the least tolerance of a position; PlannedCell.within_mm is that of a site
-DEPTH_MATCH_MM = 0.01  # recorded depths join a planned one within this
+# The least tolerance of a position, that of a stage that repeats to 0.002 mm (planning/tolerance.py); PlannedCell.within_mm
+# is that of a site.
+POSITION_MATCH_MM = 0.01
+# Recorded depths join a planned one within this: by Hertz's law a force at 1.5 mm is then off by 3/2 x 0.01 / 1.5 = 1 %.
+DEPTH_MATCH_MM = 0.01
 DIGITS = 6  # decimals of positions and depths [mm] in files: finer than any encoder's step
 ROUNDING_MM = 10.0**-DIGITS  # a gap of exactly the tolerance is within it
 

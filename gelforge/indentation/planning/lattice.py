@@ -19,9 +19,13 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 
-LAST = 4  # level of the finest lattice: 2^4 to the first spacing
+# Level of the finest lattice, 2^4 to the first spacing, which is at most the layers' height: 0.3 mm of 4.8 mm, and the
+# elements under the contact are no finer (mechanics/meshes/mesh.py).
+LAST = 4
 FINEST = 2**LAST
-DEPTHS = 10  # of a site, where the plan's depths differ from site to site
+# Of a site, where the plan's depths differ from site to site. Hertz's force is a cubic of the contact's radius, in whose
+# even steps they lie: four would do for a half space (judgement).
+DEPTHS = 10
 NAME = re.compile(r"between_(\d{4})_(\d{4})")
 Index = tuple[int, int]
 

@@ -34,7 +34,9 @@ from gelforge.indentation.sensor.indenter_shapes import check_press, check_wides
 from gelforge.indentation.sensor.sizes import check_indenter, check_sensor_size
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 
-SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0  # of an indentation by hand: friction is followed step by step
+# Of an indentation by hand: a third of an element of 0.3 mm, in which friction is followed, and as far for 1 deg at 6 mm
+# from the axis (tests/indentation/test_indenters_and_paths.py).
+SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0
 
 
 def plan_cells(study: Study) -> dict[str, PlannedCell]:

@@ -16,7 +16,9 @@ from gelforge.indentation.paths.places import gaps_to, visited
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.stage_frame import first_outside, stage_to_sensor
 
-DEPTH_DIGITS = 3  # depths that differ by less than 0.001 mm are one step of a site
+# Depths that differ by less than 0.001 mm are one step of a site: a tenth of that within which readings join a step
+# (paths/places.py).
+DEPTH_DIGITS = 3
 
 
 @dataclass(frozen=True)

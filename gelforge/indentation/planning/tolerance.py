@@ -9,7 +9,7 @@ from gelforge.config import ConfigError, Study, load_session
 from gelforge.indentation.paths.places import POSITION_MATCH_MM, within
 
 # Of the stage's standard deviation along each axis. Of normal deviations exp(-5^2 / 2), one in 270 000, lie beyond the
-# first, exp(-3^2 / 2), one in 90, beyond the second (Rayleigh 1880).
+# first, exp(-3^2 / 2), one in 90, beyond the second (Rayleigh 1880; tests/indentation/test_recorded_plan.py).
 REPEATABILITIES, LEAST_REPEATABILITIES = 5.0, 3.0
 
 

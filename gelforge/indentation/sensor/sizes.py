@@ -27,7 +27,9 @@ FLATNESS = (1 / 200, 5.0)
 # Wider horizontal side of a part of an indenter over that of the sensor: on one of 32 mm from a pin of 0.8 mm to a plate;
 # bodies of 0.01 and 10 000 mm are asked about (tests/indentation/test_sizes.py).
 INDENTER_SHARE = (1 / 40, 3.0)
-OUTSIDE_MM = 0.01  # a surface may reach this far beyond the sensor's stated rectangle and height
+# A surface may reach this far beyond the sensor's stated rectangle and height: files of five digits round 400 mm, the
+# largest sensor, to 0.005 mm (what does not fit is refused: tests/indentation/test_shapes.py).
+OUTSIDE_MM = 0.01
 
 
 def check_sensor_size(sensor: Sensor) -> None:

@@ -56,7 +56,9 @@ SHARE_TOUCH = 0.15
 PART_OF_BINS = 0.2
 # of the vertical difference, on horizontal totals: near a wall they lean on it (benchmarks/error_bars.py)
 CROSS_TOTALS = 0.02
-AMOUNT = 0.05  # of a standard deviation, by which a law is moved: its effect is then still a straight line
+# Of a standard deviation, by which a law is moved: its effect is then a straight line to 2 %
+# (tests/indentation/test_error_bars.py).
+AMOUNT = 0.05
 
 
 @dataclass(frozen=True)

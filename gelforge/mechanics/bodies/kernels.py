@@ -75,7 +75,9 @@ from gelforge.mechanics.laws.lanes import (
 )
 from gelforge.mechanics.laws.points import fingerprint, principal_stress
 
-SMALLEST_J = 1e-3  # guards powers of J while an iterate is inverted; such an iterate is never accepted
+# Guards powers of J while an iterate is inverted; below LEAST_J of body.py none is accepted
+# (tests/mechanics/test_kernels.py).
+SMALLEST_J = 1e-3
 CODE = fingerprint(*(str(module.__file__) for module in (lanes, layout, node_sums, point_stress)))
 
 

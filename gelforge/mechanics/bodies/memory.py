@@ -25,7 +25,7 @@ from gelforge.mechanics.bodies.kernels import ASSEMBLE_WITH_MEMORY, StepMemory
 from gelforge.mechanics.laws.law import DEVIATOR
 from gelforge.mechanics.laws.softening import lost_share
 
-# Of the six components of a symmetric tensor
+# of the six components of a symmetric tensor
 PAIRS = np.array([[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]])
 
 

@@ -14,7 +14,7 @@ import numba as nb
 from gelforge.mechanics.laws.lanes import ONCE, any_less, where_less
 
 # Sum of squares off the diagonal at which Jacobi's rotations end: eigenvectors are then right to its root, which is below
-# what the balance of forces leaves.
+# what the balance of forces leaves (tests/mechanics/test_lanes.py).
 OFF_DIAGONAL = 1e-26
 # Of 2 cos(arccos(r) / 3) at r in [0, 1], measured to 9e-6: two steps of Newton's then leave rounding.
 LONE = (

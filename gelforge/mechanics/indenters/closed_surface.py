@@ -17,7 +17,8 @@ import numpy as np
 from gelforge.mechanics.indenters.shapes import SAMPLES, Indenter
 
 # Neighbouring faces that turn by less than about 20 degrees stand for a smooth surface: its corners move along their normal
-# only. Ratio of the eigenvalues of sum n n^T, tan(20 deg / 2)^2 = 0.031 of two equal faces.
+# only. Ratio of the eigenvalues of sum n n^T, tan(20 deg / 2)^2 = 0.031 of two equal faces
+# (tests/mechanics/test_indenters.py: a block and a ball of triangles).
 SMOOTH = 0.03
 
 

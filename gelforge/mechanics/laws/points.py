@@ -32,7 +32,7 @@ _OF_INVARIANTS = list(dict.fromkeys(law.point for law in _LAWS if issubclass(law
 _ROUTINES = [*_OF_STRETCHES, *_OF_INVARIANTS]
 STRETCHES = len(_OF_STRETCHES)  # routines below this number are of the stretches
 # Added to the number of a law whose energy is corrected; its row of constants ends in C20, C30
-CORRECTED = 1000
+CORRECTED = len(_ROUTINES)
 
 
 def fingerprint(*files: str) -> int:

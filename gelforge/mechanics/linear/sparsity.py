@@ -36,7 +36,8 @@ class Condensation:
         return values
 
 
-# Bits of one number, so that they combine: from a node's own block, to a node's own block, to the transposed one.
+# Bits of one number, so that they combine: from a node's own block, to a node's own block, to the transposed one
+# (tests/mechanics/test_sparsity.py).
 OWN, TO_OWN, TURNED = 1, 2, 4
 
 

@@ -49,7 +49,7 @@ class Sizes:
     growth: float = 0.25  # d(size)/d(distance)
     far: float = 1.2
     envelope: float = 0.04  # mm: see stray
-    # Sizes through the thickness of a wall or a thin shell near the contact, which bends
+    # sizes through the thickness of a wall or a thin shell near the contact, which bends
     wall_parts: float = 2.0
 
     @property

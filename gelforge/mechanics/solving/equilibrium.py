@@ -41,7 +41,7 @@ KEPT_TANGENT, AHEAD = 1e-2, 3e-2
 # Nodes that slip, beyond which the first consistent step has a factorisation of its own (counts: benchmarks/cell_cost.py).
 MANY_SLIDE = 50
 # From this iteration on the weight that decides between stick and slip is halved in each: a step that cycles between them
-# comes to rest.
+# comes to rest (counts: benchmarks/cell_cost.py).
 PATIENT = 10
 # With friction the first step after the first touch is at most this share of the element size, and each further one at most
 # twice as long: of a node that touches within a step, only the step before says how it has moved until then
@@ -50,7 +50,8 @@ FIRST_STEP = 0.25
 # A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there
 # (tests/mechanics/test_last_steps.py).
 PATIENCE = 3
-ROUNDING = 1e-9  # of a number of steps: far above 1e-16 and far below a step
+# Of a number of steps: far above the 1e-16 of a double (IEEE 754-2019) and far below a step.
+ROUNDING = 1e-9
 USUAL = Settings()
 
 
