@@ -73,15 +73,12 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
     """
 
     def edge(points):
-        away = np.linalg.norm(points[:, None] - touched[:, :3], axis=-1) - np.maximum(
-            touched[:, 3], sizes.near_radius
-        )
-        away = np.maximum(away.min(axis=1), 0)
+        away = np.linalg.norm(points[:, None] - touched[:, :3], axis=-1)
+        away = np.maximum((away - np.maximum(touched[:, 3], sizes.near_radius)).min(axis=1), 0)
         thin = np.maximum(_thickness(solids, points) / sizes.wall_parts, sizes.near)
         thin = thin + sizes.growth * np.maximum(away + solids.base, 0)
-        return EDGE_PER_NODE_DISTANCE * np.minimum(
-            np.minimum(sizes.near + sizes.growth * away, thin), sizes.far
-        )
+        near = np.minimum(sizes.near + sizes.growth * away, thin)
+        return EDGE_PER_NODE_DISTANCE * np.minimum(near, sizes.far)
 
     offsets = np.cumsum([0] + [len(vertices) for vertices, _ in solids.drafts[:-1]])
     X, tetrahedra = tetrahedralize(

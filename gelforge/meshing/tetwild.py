@@ -61,11 +61,8 @@ def tetrahedralize(
         )
         command = [sys.executable, "-m", "gelforge.meshing.tetwild", str(job), str(made)]
         paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
-        environment = os.environ | {
-            "OMP_NUM_THREADS": "1",
-            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
-        }
-        done = subprocess.run(command, capture_output=True, text=True, env=environment)
+        own = {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        done = subprocess.run(command, capture_output=True, text=True, env=os.environ | own)
         if done.returncode or not made.is_file():
             raise TetwildError(
                 f"fTetWild made no mesh (exit {done.returncode}): {_last_words(done.stderr)}; check that the surfaces do "
@@ -147,10 +144,8 @@ def _slot_of(content: bytes, symbol: bytes) -> int:
         if symbols["entry"] != 24:
             continue
         strings = sections[symbols["link"]]["offset"]
-        entries = np.frombuffer(content, "<u8", relocations["size"] // 8, relocations["offset"]).reshape(
-            -1, 3
-        )
-        for address, info, _ in entries.tolist():
+        entries = np.frombuffer(content, "<u8", relocations["size"] // 8, relocations["offset"])
+        for address, info, _ in entries.reshape(-1, 3).tolist():
             number = info >> 32
             if number:
                 (name,) = struct.unpack_from("<I", content, symbols["offset"] + 24 * number)

@@ -272,10 +272,9 @@ def _at_its_place(base: Model, state: State, slope: np.ndarray, carried: np.ndar
         return slope
     elements, N = base.mesh.elements, len(base.mesh.X)
     gradient = np.einsum("eai,eqaj->eij", state.u[elements], base.body.gradient) / base.body.gradient.shape[1]
-    sums = np.stack(
-        [np.bincount(elements.ravel(), np.repeat(g, elements.shape[1]), N) for g in gradient.reshape(-1, 9).T]
-    )
-    at_nodes = (sums / np.bincount(elements.ravel(), minlength=N)).T.reshape(N, 3, 3)
+    nodes, A = elements.ravel(), elements.shape[1]
+    sums = np.stack([np.bincount(nodes, np.repeat(g, A), N) for g in gradient.reshape(-1, 9).T])
+    at_nodes = (sums / np.bincount(nodes, minlength=N)).T.reshape(N, 3, 3)
     return slope - np.einsum("nij,nj->ni", at_nodes, carried)
 
 

@@ -57,9 +57,8 @@ class ClosedSurface(Indenter):
     def __post_init__(self):
         core = _inset(self.vertices, self.triangles, self.edge)
         object.__setattr__(self, "_core", core)
-        object.__setattr__(
-            self, "_tree", _box_tree(core[self.triangles], _pseudo_normals(core, self.triangles))
-        )
+        tree = _box_tree(core[self.triangles], _pseudo_normals(core, self.triangles))
+        object.__setattr__(self, "_tree", tree)
 
     def distance(self, points):
         gap, normal, turn = _distances(np.ascontiguousarray(points, dtype=float), self._tree)
@@ -181,9 +180,8 @@ def _inset(vertices: np.ndarray, triangles: np.ndarray, edge: float) -> np.ndarr
     values, axes = np.linalg.eigh(matrix)
     along = np.einsum("vik,vi->vk", axes, right)
     certain = values > SMOOTH * values[:, -1:]
-    inner = vertices + np.einsum(
-        "vik,vk->vi", axes, np.where(certain, along / np.where(certain, values, 1.0), 0.0)
-    )
+    moves = np.where(certain, along / np.where(certain, values, 1.0), 0.0)
+    inner = vertices + np.einsum("vik,vk->vi", axes, moves)
     kept = np.einsum("ti,ti->t", _face_normals(inner[triangles])[0], normal)
     lost = (kept < 0.5) & (area > 1e-9 * area.max())
     if lost.any():

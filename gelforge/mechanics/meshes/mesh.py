@@ -213,9 +213,8 @@ def _regions(block: Block, x: np.ndarray, y: np.ndarray, z: np.ndarray):
     """Return region (nx, ny, nz), its names and which cells are present, of the base cells with these middles [mm]."""
     outside_x, outside_y = (x < 0) | (x > block.width_x), (y < 0) | (y > block.width_y)
     outside = (outside_x[:, None] | outside_y[None, :])[:, :, None]
-    in_wall = (_in_wall(x, block.width_x, block.wall)[:, None] | _in_wall(y, block.width_y, block.wall))[
-        :, :, None
-    ]
+    wall_x, wall_y = _in_wall(x, block.width_x, block.wall), _in_wall(y, block.width_y, block.wall)
+    in_wall = (wall_x[:, None] | wall_y)[:, :, None]
     names = [name for name, _ in block.layers]
     interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height
     region = np.broadcast_to(np.searchsorted(interfaces, z), (len(x), len(y), len(z))).copy()
@@ -283,6 +282,5 @@ def _surface(block: Block, X: np.ndarray, hexahedra: np.ndarray, ties: sp.csr_ma
     top = np.concatenate(tops)
     area = ties.T @ lumped_area(X, np.concatenate(faces))
     nodes = np.flatnonzero(area > 0)
-    return Surface(
-        nodes, area[nodes], np.isin(nodes, np.flatnonzero(X[:, 2] > -1e-9)), np.concatenate(faces)[top]
-    )
+    on_top = np.isin(nodes, np.flatnonzero(X[:, 2] > -1e-9))
+    return Surface(nodes, area[nodes], on_top, np.concatenate(faces)[top])

@@ -125,9 +125,8 @@ def repeated(contact: SurfaceContact, held: Held, times: int) -> tuple[SurfaceCo
     per_node = ("u", "gap", "moved", "contact_state", "touched")
     old = replace(held.old, **{name: again(getattr(held.old, name)) for name in per_node})
     seen = FlowObservation(*(again(value) for value in vars(held.seen).values()))
-    values = {
-        name: again(value) for name, value in vars(held).items() if name not in ("centre", "old", "seen")
-    }
+    names = vars(held).keys() - {"centre", "old", "seen"}
+    values = {name: again(getattr(held, name)) for name in names}
     return several, replace(held, **values, old=old, seen=seen)
 
 
