@@ -13,7 +13,9 @@ from scipy.spatial import cKDTree
 POSITION_MATCH_MM = 0.01
 # Recorded depths join a planned one within this: by Hertz's law a force at 1.5 mm is then off by 3/2 x 0.01 / 1.5 = 1 %.
 DEPTH_MATCH_MM = 0.01
-DIGITS = 6  # decimals of positions and depths [mm] in files: finer than any encoder's step
+# Decimals of positions and depths [mm] in files: a nanometre, far below the 0.002 mm to which a stage repeats
+# (planning/tolerance.py).
+DIGITS = 6
 ROUNDING_MM = 10.0**-DIGITS  # a gap of exactly the tolerance is within it
 
 

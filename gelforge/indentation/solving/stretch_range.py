@@ -12,6 +12,7 @@ from gelforge.mechanics.laws.stability import drucker_margin
 Outside = Callable[
     [np.ndarray], np.ndarray
 ]  # principal stretches (E, 3) -> whether they leave the tested range (E,)
+# Values of `leaves_valid_range` (docs/file-formats.md).
 NOT_KNOWN, INSIDE, LEAVES = -1, 0, 1
 
 
