@@ -16,8 +16,8 @@ MOST_CELLS = 200_000
 # 100 times those of the article's mesh; their factors alone would need a terabyte (memory by unknowns:
 # benchmarks/cell_cost.py)
 MOST_ELEMENTS = 5e6
-# Of one indentation: at a second each they take three hours (seconds of a site: benchmarks/cell_cost.py), and 100 resolve any
-# history.
+# Of one indentation: at a second each (seconds of a site: benchmarks/cell_cost.py) they take three hours, and 100 resolve
+# any history.
 MOST_STEPS = 1e4
 
 
