@@ -26,9 +26,8 @@ class Solids:
 
     names: tuple[str, ...]
     surfaces: tuple[ClosedSurface, ...]  # on which nodes lie
-    drafts: tuple[
-        tuple[np.ndarray, np.ndarray], ...
-    ]  # (vertices, triangles) for the mesher: the same within its envelope
+    # (vertices, triangles) for the mesher: the same within its envelope
+    drafts: tuple[tuple[np.ndarray, np.ndarray], ...]
     base: float  # z of the rigid base [mm]; boundary nodes at or below it are held
 
     @property

@@ -21,9 +21,8 @@ SECTION, MARGIN = 0.6, 1.1
 SAMPLES = 65  # points along a side of the box around a shape whose projections sample its surface
 
 
-Gaps = tuple[
-    np.ndarray, np.ndarray, np.ndarray
-]  # of n points: gap (n,) [mm], normal (n, 3), turn (n, 3, 3) [1/mm]
+# Of n points: gap (n,) [mm], normal (n, 3), turn (n, 3, 3) [1/mm]
+Gaps = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Indenter:
