@@ -87,9 +87,8 @@ def hertz(depth: float, radius: float, modulus: float) -> PressedSurface:
     PressedSurface
         Depth [mm], force [N] and contact radius [mm].
     """
-    return PressedSurface(
-        depth, 4 / 3 * modulus * np.sqrt(radius) * depth**1.5, float(np.sqrt(radius * depth))
-    )
+    force = 4 / 3 * modulus * np.sqrt(radius) * depth**1.5
+    return PressedSurface(depth, force, float(np.sqrt(radius * depth)))
 
 
 # ------------------------------------------------------------------------------------------------------ bonded layer
@@ -148,9 +147,8 @@ def bonded_layer_at_radius(
     # The last row and column are the edge t = a, where no quadrature point lies.
     points = np.append(t, contact_radius)
     cosine = np.cos(np.outer(points, u / thickness))
-    kernel = (
-        2 / np.pi * (cosine * (transform_weight / thickness * (1 - layer_compliance(u, nu)))) @ cosine[:-1].T
-    )
+    lost = transform_weight / thickness * (1 - layer_compliance(u, nu))
+    kernel = 2 / np.pi * (cosine * lost) @ cosine[:-1].T
     system = np.eye(len(t)) - kernel[:-1] * weight
     scale = 2 * shear_modulus / (np.pi * (1 - nu))
     unit, curved = np.linalg.solve(system, scale * np.stack([np.ones_like(t), t**2 / radius], axis=1)).T
@@ -175,9 +173,8 @@ class PressedWithFriction:
 
     stick_ratio: float  # stick radius over contact radius
     friction_share: float  # sum of the radial friction over the normal force
-    stiffening: (
-        float  # normal force over that of the frictionless press to the same depth, of a flat indenter
-    )
+    # Normal force over that of the frictionless press to the same depth, of a flat indenter
+    stiffening: float
 
 
 def pressed_with_friction(friction: float, nu: float, rings: int = 200) -> PressedWithFriction:
@@ -212,10 +209,9 @@ def pressed_with_friction(friction: float, nu: float, rings: int = 200) -> Press
     """
     edges = np.sin(np.linspace(0, np.pi / 2, rings + 1))
     r = (edges[1:] + edges[:-1]) / 2
-    pressing, rubbing = (_ring_moves(edges, r, _KERNELS[order]) for order in (0, 1))
-    beyond = np.maximum(
-        edges[1:] - np.maximum(edges[:-1], r[:, None]), 0
-    )  # the length of a ring that lies beyond r
+    pressing, rubbing = (_ring_moves(edges, r, kernel) for kernel in (_kernel_0, _kernel_1))
+    # The length of a ring that lies beyond r
+    beyond = np.maximum(edges[1:] - np.maximum(edges[:-1], r[:, None]), 0)
     within = np.maximum(np.minimum(edges[1:], r[:, None]) ** 2 - edges[:-1] ** 2, 0) / (2 * r[:, None])
     direct, cross = 1 - nu, (1 - 2 * nu) / 2
     down = np.hstack([direct * pressing, -cross * beyond])
@@ -260,9 +256,6 @@ def _kernel_1(r: np.ndarray, t: np.ndarray) -> np.ndarray:
     rest = ((r - t) / (r + t)) ** 2  # 1 - m
     numerator = (r**2 + t**2) * ellipkm1(rest) - (r + t) ** 2 * ellipe(1 - rest)
     return numerator / (np.pi * r * t * (r + t))
-
-
-_KERNELS = (_kernel_0, _kernel_1)
 
 
 # ----------------------------------------------------------------------------------------------- homogeneous stresses

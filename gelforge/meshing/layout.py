@@ -19,8 +19,10 @@ SAME_PLACE = 5e-4  # of the body's largest extent: surfaces this near coincide, 
 # Of it: a gap between facing surfaces that is narrower is no chamber, 0.4 mm of 20 mm. One of 0.1 mm is asked about
 # (tests/meshing/test_layout.py).
 THIN = 0.02
-FACING = -0.7  # cosine between normals of faces that look at each other
-SHARE = 0.01  # of a surface's points that must face another across a thin gap: fewer lie along an edge
+# Cosine between normals of faces that look at each other, within 45 deg (tests/meshing/test_layout.py).
+FACING = -0.7
+# Of a surface's points that must face another across a thin gap: fewer lie along an edge (tests/meshing/test_layout.py).
+SHARE = 0.01
 
 
 @dataclass(frozen=True)
@@ -106,16 +108,12 @@ def _pair(solids: Solids, i: int, j: int, near: float, thin: float) -> Pair:
     disjoint, thin_gap = gap >= -near, 0.0
     if disjoint:
         outward = first.distance(first.outline)[1]
-        facing = (
-            (np.einsum("ni,ni->n", outward, normal_of_second) < FACING)
-            & (to_second > near)
-            & (to_second < thin)
-        )
+        facing = (to_second > near) & (to_second < thin)
+        facing &= np.einsum("ni,ni->n", outward, normal_of_second) < FACING
         between = (first.outline - to_second[:, None] / 2 * normal_of_second)[facing]
         others = [solids.surfaces[k] for k in range(len(solids.names)) if k not in (i, j)]
-        empty = np.all(
-            [other.distance(between)[0] > 0 for other in others] + [np.ones(len(between), bool)], axis=0
-        )
+        clear = [other.distance(between)[0] > 0 for other in others]
+        empty = np.all([*clear, np.ones(len(between), bool)], axis=0)
         thin_gap = float(to_second[facing][empty].max()) if empty.sum() > SHARE * len(facing) else 0.0
     overlap = 0.0 if inside or around or disjoint else -gap
     return Pair(inside, around, overlap, gap if gap > near else 0.0, thin_gap)

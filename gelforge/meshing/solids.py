@@ -13,6 +13,7 @@ import numpy as np
 
 from gelforge.mechanics.indenters.closed_surface import ClosedSurface, SurfaceError, closed_surface
 from gelforge.mechanics.meshes.mesh import Block, Sizes
+from gelforge.mechanics.meshes.octree import CORNERS
 
 # mm between the points of a dome's surface: its faces lie 0.3^2 / (8 x 11) = 1e-3 mm inside a dome of radius 11 mm
 # (tests/meshing/test_solids.py).
@@ -25,9 +26,8 @@ class Solids:
 
     names: tuple[str, ...]
     surfaces: tuple[ClosedSurface, ...]  # on which nodes lie
-    drafts: tuple[
-        tuple[np.ndarray, np.ndarray], ...
-    ]  # (vertices, triangles) for the mesher: the same within its envelope
+    # (vertices, triangles) for the mesher: the same within its envelope
+    drafts: tuple[tuple[np.ndarray, np.ndarray], ...]
     base: float  # z of the rigid base [mm]; boundary nodes at or below it are held
 
     @property
@@ -45,10 +45,8 @@ def enclosed_volume(surface: ClosedSurface) -> float:
 
 def area(surface: ClosedSurface) -> float:
     """Return the area [mm^2] of a surface."""
-    corner = surface.vertices[surface.triangles]
-    return float(
-        np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1).sum() / 2
-    )
+    a, b, c = (surface.vertices[surface.triangles[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
 def given_solids(surfaces: dict[str, ClosedSurface], base: float) -> Solids:
@@ -137,13 +135,9 @@ def dome_solids(
 
 def _box(low, high) -> tuple[np.ndarray, np.ndarray]:
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
-    corner = np.array(
-        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
-    )
-    a, b, c, d = np.array(
-        [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-    ).T
-    return low + corner * (high - low), np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    faces = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
+    a, b, c, d = faces.T
+    return low + CORNERS * (high - low), np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
 
 
 def _dome(axes: np.ndarray, offset: float, step: float) -> tuple[np.ndarray, np.ndarray]:

@@ -26,16 +26,23 @@ from gelforge.meshing.tetwild import tetrahedralize
 
 # Volumes, surfaces and shapes of meshed bodies (tests/meshing/test_tetrahedra.py):
 EDGE_PER_NODE_DISTANCE = 2.0  # a quadratic tetrahedron has a node at the middle of each edge
-STEEP = (
-    0.1  # a face whose outward normal has a smaller vertical component is a side: it has no place in the bins
-)
-# The envelope cuts edges off by slivers that look anywhere: a node of which less than this share looks up lies on a side.
+# A face whose outward normal has a smaller vertical component is a side: it has no place in the bins
+# (tests/meshing/test_tetrahedra.py).
+STEEP = 0.1
+# The envelope cuts edges off by slivers that look anywhere: a node of which less than this share looks up lies on a side
+# (tests/meshing/test_tetrahedra.py).
 SLIVER = 0.1
-ASTRAY = 5  # times sizes.stray: the mesher and a dome's coarse draft together move a node by less than half of this
-ON_BASE = 2  # times sizes.stray: the mesh's edge around the base may lie this much next to the surface's
-# Of each surface and of what it encloses, in the default envelope; in proportion in a wider one, as companions have.
+# Times sizes.stray: the mesher and a dome's coarse draft together move a node by less than half of this, and a surface that
+# crosses itself by more (tests/meshing/test_tetrahedra.py).
+ASTRAY = 5
+# Times sizes.stray: the mesh's edge around the base may lie this much next to the surface's
+# (tests/meshing/test_tetrahedra.py).
+ON_BASE = 2
+# Of each surface and of what it encloses, in the default envelope; in proportion in a wider one, as companions have
+# (tests/meshing/test_tetrahedra.py).
 AREA_TOLERANCE, VOLUME_TOLERANCE = 0.01, 0.005
-LEAST_JACOBIAN = 0.2  # of the straight element's: below this an edge's middle stays on the straight edge
+# Of the straight element's: below this an edge's middle stays on the straight edge (tests/meshing/test_tetrahedra.py).
+LEAST_JACOBIAN = 0.2
 
 
 class MeshingError(ValueError):
@@ -66,15 +73,12 @@ def tetrahedral_mesh(solids: Solids, sizes: Sizes, touched: np.ndarray) -> Mesh:
     """
 
     def edge(points):
-        away = np.linalg.norm(points[:, None] - touched[:, :3], axis=-1) - np.maximum(
-            touched[:, 3], sizes.near_radius
-        )
-        away = np.maximum(away.min(axis=1), 0)
+        away = np.linalg.norm(points[:, None] - touched[:, :3], axis=-1)
+        away = np.maximum((away - np.maximum(touched[:, 3], sizes.near_radius)).min(axis=1), 0)
         thin = np.maximum(_thickness(solids, points) / sizes.wall_parts, sizes.near)
         thin = thin + sizes.growth * np.maximum(away + solids.base, 0)
-        return EDGE_PER_NODE_DISTANCE * np.minimum(
-            np.minimum(sizes.near + sizes.growth * away, thin), sizes.far
-        )
+        near = np.minimum(sizes.near + sizes.growth * away, thin)
+        return EDGE_PER_NODE_DISTANCE * np.minimum(near, sizes.far)
 
     offsets = np.cumsum([0] + [len(vertices) for vertices, _ in solids.drafts[:-1]])
     X, tetrahedra = tetrahedralize(

@@ -73,11 +73,8 @@ def _meshed(content: bytes) -> tuple[np.ndarray, np.ndarray]:
         job.write_bytes(content)
         command = [sys.executable, "-m", "gelforge.meshing.tetwild", str(job), str(made)]
         paths = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
-        environment = os.environ | {
-            "OMP_NUM_THREADS": "1",
-            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
-        }
-        done = subprocess.run(command, capture_output=True, text=True, env=environment)
+        own = {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        done = subprocess.run(command, capture_output=True, text=True, env=os.environ | own)
         if done.returncode or not made.is_file():
             raise TetwildError(
                 f"fTetWild made no mesh (exit {done.returncode}): {_last_words(done.stderr)}; check that the surfaces do "
@@ -105,9 +102,8 @@ def _background(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarr
     points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     cell = np.stack(np.meshgrid(*[np.arange(m) for m in n], indexing="ij"), axis=-1).reshape(-1, 3)
     parts = []
-    for order in itertools.permutations(
-        range(3)
-    ):  # Kuhn's six: one path along the axes from corner to corner each
+    # Kuhn's six: one path along the axes from corner to corner each
+    for order in itertools.permutations(range(3)):
         path = np.cumsum([np.zeros(3, int), *np.eye(3, dtype=int)[list(order)]], axis=0)
         corners = np.stack([np.ravel_multi_index((cell + step).T, tuple(n + 1)) for step in path], axis=-1)
         even = np.linalg.det(np.eye(3)[list(order)]) > 0
@@ -157,17 +153,14 @@ def _slot_of(content: bytes, symbol: bytes) -> int:
     sections = [
         dict(zip(fields, struct.unpack_from("<IIQQQQIIQQ", content, table + width * k))) for k in range(count)
     ]
-    for relocations in (
-        s for s in sections if s["type"] == 4
-    ):  # SHT_RELA: (address, symbol and kind, addend)
+    # SHT_RELA: (address, symbol and kind, addend)
+    for relocations in (s for s in sections if s["type"] == 4):
         symbols = sections[relocations["link"]]
         if symbols["entry"] != 24:
             continue
         strings = sections[symbols["link"]]["offset"]
-        entries = np.frombuffer(content, "<u8", relocations["size"] // 8, relocations["offset"]).reshape(
-            -1, 3
-        )
-        for address, info, _ in entries.tolist():
+        entries = np.frombuffer(content, "<u8", relocations["size"] // 8, relocations["offset"])
+        for address, info, _ in entries.reshape(-1, 3).tolist():
             number = info >> 32
             if number:
                 (name,) = struct.unpack_from("<I", content, symbols["offset"] + 24 * number)

@@ -42,9 +42,8 @@ def force_arrays(
 
 def _displacement(states: list[State], nodes: np.ndarray) -> np.ndarray:
     """Return the displacement (D, n, 3) of some nodes [mm] as float32: 1e-7 mm is beyond any camera."""
-    return np.array([state.u[nodes] for state in states], dtype=np.float32).reshape(
-        len(states), len(nodes), 3
-    )
+    moved = np.array([state.u[nodes] for state in states], dtype=np.float32)
+    return moved.reshape(len(states), len(nodes), 3)
 
 
 def section_arrays(mesh: Mesh, states: list[State], y_mm: float) -> dict[str, np.ndarray]:
@@ -101,7 +100,6 @@ def moment_shift(arrays: dict[str, np.ndarray], sensor: Sensor) -> list[float]:
         fx, fy, fz = np.moveaxis(forces, -1, 0)
         return np.stack([(y * fz).sum(-1), (-x * fz).sum(-1), (x * fy - y * fx).sum(-1)], axis=-1)
 
-    shift = moment(centres, arrays["bin_force_N"]) - moment(
-        nodes, arrays["node_normal_N"] + arrays["node_shear_N"]
-    )
+    of_nodes = moment(nodes, arrays["node_normal_N"] + arrays["node_shear_N"])
+    shift = moment(centres, arrays["bin_force_N"]) - of_nodes
     return [float(value) for value in np.linalg.norm(shift, axis=-1)]

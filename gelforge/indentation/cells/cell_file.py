@@ -25,77 +25,51 @@ DATASETS = {
     "twist_deg": ("deg", "turn of the indenter about the sensor's z axis; absent where none turns (D)"),
     "indenter_mm": ("mm", "the indenter's centre (D, 3)"),
     "total_force_N": ("N", "contact force on the sensor (D, 3)"),
-    "reaction_N": (
-        "N",
-        "sum of internal forces at the fixed nodes, the force of the base on the sensor (D, 3)",
-    ),
+    "reaction_N": ("N", "sum of internal forces at the fixed nodes, the force of the base on the sensor (D, 3)"),
     "bin_force_N": ("N", "force on the sensor per surface bin, k = nx iy + ix, undeformed surface (D, B, 3)"),
     "bin_normal_N": ("N", "part of bin_force_N along the contact normal (D, B, 3)"),
     "bin_shear_N": ("N", "part of bin_force_N due to friction (D, B, 3)"),
     "bin_sigma_mesh_N": ("N", "standard deviation of bin_force_N from discretisation (D, B, 3)"),
     "bin_sigma_material_N": (
-        "N",
-        "standard deviation of bin_force_N from the covariance of the constitutive models' parameters (D, B, 3)",
-    ),
+        "N", "standard deviation of bin_force_N from the covariance of the constitutive models' parameters (D, B, 3)"),
     "bin_sigma_interpolation_N": (
-        "N",
-        "of a label between solved sites, standard deviation of bin_force_N from what is solved there (D, B, 3)",
-    ),
+        "N", "of a label between solved sites, standard deviation of bin_force_N from what is solved there (D, B, 3)"),
     "total_sigma_mesh_N": ("N", "standard deviation of total_force_N from discretisation (D, 3)"),
-    "total_sigma_material_N": (
-        "N",
-        "standard deviation of total_force_N from the constitutive models (D, 3)",
-    ),
+    "total_sigma_material_N": ("N", "standard deviation of total_force_N from the constitutive models (D, 3)"),
     "total_sigma_interpolation_N": ("N", "the same of total_force_N (D, 3)"),
     "sensitivity_total": ("N/unit", "d total_force_N / d amount of each of sensitivity_names (P, D, 3)"),
     "sensitivity_bin": ("N/unit", "d bin_force_N / d amount of each of sensitivity_names (P, D, B, 3)"),
     "sensitivity_gel_displacement": (
-        "mm/unit",
-        "d gel_displacement_mm / d amount of each of sensitivity_names (P, D, G, 3)",
-    ),
+        "mm/unit", "d gel_displacement_mm / d amount of each of sensitivity_names (P, D, G, 3)"),
     "side_force_N": ("N", "contact force on the side faces, part of the total but of no bin (D, 3)"),
     "node_xy_mm": ("mm", "undeformed positions of the nodes of the top surface (S, 2)"),
-    "node_area_mm2": (
-        "mm2",
-        "undeformed area over which each surface node's force acts, 0 at corners of tetrahedra (S)",
-    ),
+    "node_area_mm2": ("mm2", "undeformed area over which each surface node's force acts, 0 at corners of tetrahedra (S)"),
     "node_normal_N": ("N", "normal contact force on each surface node (D, S, 3)"),
     "node_shear_N": ("N", "friction force on each surface node (D, S, 3)"),
     "node_state": ("1", "0 open, 1 stick, 2 slip (D, S)"),
     "node_displacement_mm": ("mm", "displacement of the surface nodes (D, S, 3)"),
-    "section_node_mm": (
-        "mm",
-        "undeformed nodes of the vertical mesh plane y = const nearest the site (P, 3)",
-    ),
+    "section_node_mm": ("mm", "undeformed nodes of the vertical mesh plane y = const nearest the site (P, 3)"),
     "section_quad": ("1", "4 corners of each face of the plane as rows of section_node_mm (Q, 4)"),
     "section_region": ("1", "region of each face, an index into the attribute regions (Q)"),
     "section_displacement_mm": ("mm", "displacement of section_node_mm (D, P, 3)"),
     "gel_node_mm": (
-        "mm",
-        "undeformed nodes of the layers with particles, of all where none has any; z = 0 at the top (G, 3)",
-    ),
+        "mm", "undeformed nodes of the layers with particles, of all where none has any; z = 0 at the top (G, 3)"),
     "gel_hex": ("1", "8 corners of each element as rows of gel_node_mm (E, 8)"),
-    "gel_tet": (
-        "1",
-        "10 nodes of each quadratic tetrahedron as rows of gel_node_mm, instead of gel_hex (E, 10)",
-    ),
+    "gel_tet": ("1", "10 nodes of each quadratic tetrahedron as rows of gel_node_mm, instead of gel_hex (E, 10)"),
     "gel_displacement_mm": ("mm", "displacement of gel_node_mm (D, G, 3)"),
-}
+}  # fmt: skip
 ERROR_BARS = {name for name in DATASETS if "_sigma_" in name}
 # kept only with mechanics.store_displacement, error_bars, sensitivities
 SENSITIVITIES = {name for name in DATASETS if name.startswith("sensitivity_")}
-OPTIONAL = (
-    {"gel_node_mm", "gel_hex", "gel_tet", "gel_displacement_mm", "twist_deg"} | ERROR_BARS | SENSITIVITIES
-)
-SECTION = {
-    name for name in DATASETS if name.startswith("section_")
-}  # a mirrored site's is that of its source
+GEL = {name for name in DATASETS if name.startswith("gel_")}
+OPTIONAL = GEL | {"twist_deg"} | ERROR_BARS | SENSITIVITIES
+# a mirrored site's is that of its source
+SECTION = {name for name in DATASETS if name.startswith("section_")}
 NODES = {name for name in DATASETS if name.startswith("node_")}  # an interpolated label has none
 # attributes that differ from run to run: they go into a file of their own, so that a site's bytes repeat
 TIMINGS = ("seconds", "cpu_seconds", "error_bar_seconds", "sensitivity_seconds")
-UNKNOWN_IS_NAN = {
-    "volume_outside_valid_range"
-}  # attributes: of a law without a tested range (stretch_range.py)
+# attributes: of a law without a tested range (stretch_range.py)
+UNKNOWN_IS_NAN = {"volume_outside_valid_range"}
 
 
 class CellError(ValueError):
@@ -149,10 +123,8 @@ def write_cell(path: str | Path, cell: Cell) -> None:
             file.attrs[key] = cell.attributes[key]
         for name, array in sorted(cell.arrays.items()):  # a set of names has another order in each process
             unit, description = DATASETS[name]
-            large = array.size > 4096
-            data = file.create_dataset(
-                name, data=array, **({"compression": "gzip", "shuffle": True} if large else {})
-            )
+            packed = {"compression": "gzip", "shuffle": True} if array.size > 4096 else {}
+            data = file.create_dataset(name, data=array, **packed)
             data.attrs["units"], data.attrs["description"] = unit, description
     write_timings(path, timings)
 
@@ -268,7 +240,7 @@ def _held(attributes: dict, file: h5py.File) -> list[str]:
     """Return the names of the arrays that a site must hold, and of the optional ones that it does hold."""
     between = "interpolated_from" in attributes or "solved_as" in attributes
     absent = (
-        OPTIONAL | (SECTION if attributes.get("source") or between else set()) | (NODES if between else set())
+        OPTIONAL | (SECTION if attributes.get("source") else set()) | (SECTION | NODES if between else set())
     )
     if between and attributes["status"] == "failed":
         absent = set(DATASETS) - {"depth_mm", "total_force_N", "bin_force_N"}

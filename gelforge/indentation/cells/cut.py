@@ -6,18 +6,9 @@ import numpy as np
 import scipy.sparse as sp
 
 # A 10-node tetrahedron as eight flat ones: four at its corners, four around the diagonal (4, 9) of the octahedron between.
-TET10_PARTS = np.array(
-    [
-        [0, 4, 6, 7],
-        [1, 5, 4, 8],
-        [2, 6, 5, 9],
-        [3, 7, 9, 8],
-        [4, 9, 6, 7],
-        [4, 9, 7, 8],
-        [4, 9, 8, 5],
-        [4, 9, 5, 6],
-    ]
-)
+TET10_PARTS = np.array([
+    [0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 7, 9, 8], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5], [4, 9, 5, 6],
+])  # fmt: skip
 _SIDES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 
 

@@ -86,11 +86,7 @@ def with_keys(study: Study, **families) -> Study:
     ConfigError
         A key or value that the configuration refuses.
     """
-    return _changed(study, {"mechanics": {"effects": families}})
-
-
-def _changed(study: Study, changes: dict) -> Study:
-    return changed_study(study, changes)
+    return changed_study(study, {"mechanics": {"effects": families}})
 
 
 def gel_layers(study: Study) -> list[str]:
@@ -148,6 +144,14 @@ def _elastic_base(study, amount, place):
     return with_keys(study, geometry={"base": {"youngs_modulus_MPa": modulus}})
 
 
+def _friction(study, amount, place):
+    return changed_study(study, {"mechanics": {"friction": max(study.mechanics.friction + amount, 0.0)}})
+
+
+def _prestretch(study, amount, place):
+    return with_keys(study, geometry={"prestretch": {skin_layer(study): [1 + amount, 1 + amount]}})
+
+
 def _rate(key):
     def apply(study, amount, place):
         return with_keys(study, material={"circumstances": {key: {n: amount for n in gel_layers(study)}}})
@@ -155,7 +159,9 @@ def _rate(key):
     return apply
 
 
-EMPTY, HARD = 1e-3, 50.0  # least and largest stiffness of a ball over that around it
+# Least and largest stiffness of a ball over that around it: they do 0.998 of what an empty and 0.95 of what a rigid ball
+# does (Eshelby 1957, far_field; tests/indentation/test_element_stiffness.py).
+EMPTY, HARD = 1e-3, 50.0
 
 
 def _ball(study, place, field, **keys):
@@ -231,148 +237,71 @@ def _one(family: str, key: str, pair: bool = False, of: Callable[[float], float]
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
     for effect in [
-        Effect(
-            "gel_stiffness", "material", "growth of the moduli under the skin", "1", 0.2,
-            lambda study, amount, place: _stiffness(study, gel_layers(study), amount),
-        ),
-        Effect(
-            "skin_stiffness", "material", "growth of the moduli of top layer, wall and flange", "1", 0.2,
-            lambda study, amount, place: _stiffness(study, [skin_layer(study)], amount),
-        ),
-        Effect(
-            "law_exponent", "material", "growth of the constitutive models' exponents, moduli unchanged", "1", 0.3,
-            _exponent,
-        ),
-        Effect(
-            "compressibility", "material", "mu/K more than mechanics.bulk_to_shear says", "1", 0.02,
-            _compressibility, step=1e-3,
-        ),
-        Effect(
-            "elastic_base", "material", "1/E of a slab of 17 mm below", "1/MPa", 1.0,
-            _elastic_base, mesh_changes=True,
-        ),
-        Effect(
-            "linear_elasticity", "material", "neo-Hookean models in place of the fitted ones", "1", 1.0,
-            lambda study, amount, place: with_keys(study, material={"linear_law": bool(amount)}),
-            binary=True,
-        ),
-        Effect(
-            "small_strain", "material", "small-strain elasticity in place of finite strain", "1", 1.0,
-            lambda study, amount, place: _changed(study, {"mechanics": {"strain": "small"}}) if amount else study,
-            binary=True,
-        ),
-        Effect(
-            "viscoelastic", "history", "overstress modulus of the soft layers over the elastic one, time 1 s", "1", 0.2,
-            _overstress, history=True,
-        ),
-        Effect(
-            "mullins", "history", "largest lost share of the soft layers' stress", "1", 0.3,
-            _softening, history=True,
-        ),
-        Effect(
-            "ageing", "history", "growth of the gel's stiffness per day of age", "1/d", 0.01,
-            _rate("ageing_per_day"),
-        ),
-        Effect(
-            "temperature", "history", "growth of the gel's stiffness per kelvin", "1/K", 0.01,
-            _rate("stiffening_per_K"),
-        ),
-        Effect(
-            "friction", "contact", "coefficient more than mechanics.friction", "1", 0.2,
-            lambda study, amount, place: _changed(
-                study, {"mechanics": {"friction": max(study.mechanics.friction + amount, 0.0)}}
-            ),
-        ),
-        Effect(
-            "frictionless", "contact", "no friction", "1", 1.0,
-            lambda study, amount, place: _changed(study, {"mechanics": {"friction": 0.0}}) if amount else study,
-            binary=True,
-        ),
-        Effect(
-            "friction_law", "contact", "exponent of its fall with the pressure", "1", 0.33,
-            _one("contact", "pressure_exponent", of=lambda a: min(float(a), 0.99)),
-        ),
-        Effect(
-            "adhesion", "contact", "work of separation", "N/mm", 1e-4,
-            lambda study, amount, place: with_keys(study, contact={"adhesion": {"work_N_per_mm": amount}}),
-            unloading=True,
-        ),
-        Effect(
-            "toe_region", "contact", "thickness of a film that gives way and is used up", "mm", 0.05,
-            lambda study, amount, place: with_keys(study, contact={"film": {"thickness_mm": amount}}),
-        ),
-        Effect(
-            "layer_thickness", "geometry", "thickness more than drawn of the layer under the skin", "mm", 0.5,
-            lambda study, amount, place: _thickness(study, gel_layers(study)[-1], change_mm=amount),
-        ),
-        Effect(
-            "thickness_gradient", "geometry", "its growth along x", "mm/mm", 0.02,
-            lambda study, amount, place: _thickness(study, gel_layers(study)[-1], gradient=[amount, 0.0]),
-        ),
-        Effect(
-            "wall_stiffness", "geometry", "growth of the wall's moduli", "1", 0.5,
-            lambda study, amount, place: _stiffness(study, ["wall"], amount),
-        ),
-        Effect(
-            "wall_gap", "geometry", "lost share of the bond along the wall", "1", 1.0,
-            lambda study, amount, place: with_keys(study, geometry={"wall_gap": {"loss": amount}}),
-        ),
-        Effect(
-            "wall_side", "geometry", "lost share of the stiffness of the wall along x = 0", "1", 1.0,
-            lambda study, amount, place: with_wall_side(study, "x_low", wall_loss=amount),
-        ),
-        Effect(
-            "delamination", "geometry", "lost share of the shear stiffness of a film under the skin", "1", 1.0,
-            _delamination,
-        ),
-        Effect(
-            "void", "geometry", "share of what an empty ball does to all around it", "1", 1.0, _bubble, step=1e-3,
-        ),
-        Effect(
-            "inclusion", "geometry", "share of what a rigid ball does to all around it", "1", 1.0,
-            lambda study, amount, place: _ball(study, place, amount * RIGID),
-        ),
-        Effect(
-            "prestretch", "geometry", "residual stretch of the skin along x and y, less 1", "1", 0.05,
-            lambda study, amount, place: with_keys(
-                study, geometry={"prestretch": {skin_layer(study): [1 + amount, 1 + amount]}}
-            ),
-        ),
-        Effect(
-            "indenter_radius", "geometry", "radius more than described", "mm", 0.25,
-            _one("geometry", "indenter_radius_change_mm"),
-        ),
-        Effect(
-            "particle_settling", "geometry", "share of the particles' concentration that has sunk", "1", 0.5,
-            lambda study, amount, place: with_keys(study, material={"particles": {"settling": amount}}),
-        ),
-        Effect(
-            "contact_zero", "kinematics", "pressed deeper than commanded", "mm", 0.1,
-            _one("kinematics", "contact_zero_mm"),
-        ),
-        Effect(
-            "tilt", "kinematics", "turn of the sensor about x", "deg", 1.0,
-            _one("kinematics", "tilt_deg", pair=True),
-        ),
-        Effect(
-            "misregistration", "kinematics", "shift of all positions along x", "mm", 0.5,
-            _one("kinematics", "misregistration_mm", pair=True),
-        ),
-        Effect(
-            "yaw", "kinematics", "turn of the grid about the middle", "deg", 2.0,
-            _one("kinematics", "yaw_deg"),
-        ),
-        Effect(
-            "grid_scale", "kinematics", "growth of the grid from the middle", "1", 0.01,
-            _one("kinematics", "grid_scale"),
-        ),
-        Effect(
-            "frame_compliance", "kinematics", "yielding of the frame along the path", "mm/N", 0.05,
-            _one("kinematics", "frame_compliance_mm_per_N"),
-        ),
-        Effect(
-            "base_bending", "kinematics", "yielding of the base plate at its middle", "mm/N", 0.05,
-            _one("kinematics", "base_bending_mm_per_N"),
-        ),
+        Effect("gel_stiffness", "material", "growth of the moduli under the skin", "1", 0.2,
+               lambda study, amount, place: _stiffness(study, gel_layers(study), amount)),
+        Effect("skin_stiffness", "material", "growth of the moduli of top layer, wall and flange", "1", 0.2,
+               lambda study, amount, place: _stiffness(study, [skin_layer(study)], amount)),
+        Effect("law_exponent", "material", "growth of the constitutive models' exponents, moduli unchanged", "1", 0.3,
+               _exponent),
+        Effect("compressibility", "material", "mu/K more than mechanics.bulk_to_shear says", "1", 0.02,
+               _compressibility, step=1e-3),
+        Effect("elastic_base", "material", "1/E of a slab of 17 mm below", "1/MPa", 1.0,
+               _elastic_base, mesh_changes=True),
+        Effect("linear_elasticity", "material", "neo-Hookean models in place of the fitted ones", "1", 1.0,
+               lambda study, amount, place: with_keys(study, material={"linear_law": bool(amount)}), binary=True),
+        Effect("small_strain", "material", "small-strain elasticity in place of finite strain", "1", 1.0,
+               lambda study, amount, place: changed_study(study, {"mechanics": {"strain": "small"}}) if amount else study,
+               binary=True),
+        Effect("viscoelastic", "history", "overstress modulus of the soft layers over the elastic one, time 1 s", "1", 0.2,
+               _overstress, history=True),
+        Effect("mullins", "history", "largest lost share of the soft layers' stress", "1", 0.3, _softening, history=True),
+        Effect("ageing", "history", "growth of the gel's stiffness per day of age", "1/d", 0.01, _rate("ageing_per_day")),
+        Effect("temperature", "history", "growth of the gel's stiffness per kelvin", "1/K", 0.01,
+               _rate("stiffening_per_K")),
+        Effect("friction", "contact", "coefficient more than mechanics.friction", "1", 0.2,
+               _friction),
+        Effect("frictionless", "contact", "no friction", "1", 1.0,
+               lambda study, amount, place: changed_study(study, {"mechanics": {"friction": 0.0}}) if amount else study,
+               binary=True),
+        Effect("friction_law", "contact", "exponent of its fall with the pressure", "1", 0.33,
+               _one("contact", "pressure_exponent", of=lambda a: min(float(a), 0.99))),
+        Effect("adhesion", "contact", "work of separation", "N/mm", 1e-4,
+               lambda study, amount, place: with_keys(study, contact={"adhesion": {"work_N_per_mm": amount}}),
+               unloading=True),
+        Effect("toe_region", "contact", "thickness of a film that gives way and is used up", "mm", 0.05,
+               lambda study, amount, place: with_keys(study, contact={"film": {"thickness_mm": amount}})),
+        Effect("layer_thickness", "geometry", "thickness more than drawn of the layer under the skin", "mm", 0.5,
+               lambda study, amount, place: _thickness(study, gel_layers(study)[-1], change_mm=amount)),
+        Effect("thickness_gradient", "geometry", "its growth along x", "mm/mm", 0.02,
+               lambda study, amount, place: _thickness(study, gel_layers(study)[-1], gradient=[amount, 0.0])),
+        Effect("wall_stiffness", "geometry", "growth of the wall's moduli", "1", 0.5,
+               lambda study, amount, place: _stiffness(study, ["wall"], amount)),
+        Effect("wall_gap", "geometry", "lost share of the bond along the wall", "1", 1.0,
+               lambda study, amount, place: with_keys(study, geometry={"wall_gap": {"loss": amount}})),
+        Effect("wall_side", "geometry", "lost share of the stiffness of the wall along x = 0", "1", 1.0,
+               lambda study, amount, place: with_wall_side(study, "x_low", wall_loss=amount)),
+        Effect("delamination", "geometry", "lost share of the shear stiffness of a film under the skin", "1", 1.0,
+               _delamination),
+        Effect("void", "geometry", "share of what an empty ball does to all around it", "1", 1.0, _bubble, step=1e-3),
+        Effect("inclusion", "geometry", "share of what a rigid ball does to all around it", "1", 1.0,
+               lambda study, amount, place: _ball(study, place, amount * RIGID)),
+        Effect("prestretch", "geometry", "residual stretch of the skin along x and y, less 1", "1", 0.05,
+               _prestretch),
+        Effect("indenter_radius", "geometry", "radius more than described", "mm", 0.25,
+               _one("geometry", "indenter_radius_change_mm")),
+        Effect("particle_settling", "geometry", "share of the particles' concentration that has sunk", "1", 0.5,
+               lambda study, amount, place: with_keys(study, material={"particles": {"settling": amount}})),
+        Effect("contact_zero", "kinematics", "pressed deeper than commanded", "mm", 0.1,
+               _one("kinematics", "contact_zero_mm")),
+        Effect("tilt", "kinematics", "turn of the sensor about x", "deg", 1.0, _one("kinematics", "tilt_deg", pair=True)),
+        Effect("misregistration", "kinematics", "shift of all positions along x", "mm", 0.5,
+               _one("kinematics", "misregistration_mm", pair=True)),
+        Effect("yaw", "kinematics", "turn of the grid about the middle", "deg", 2.0, _one("kinematics", "yaw_deg")),
+        Effect("grid_scale", "kinematics", "growth of the grid from the middle", "1", 0.01,
+               _one("kinematics", "grid_scale")),
+        Effect("frame_compliance", "kinematics", "yielding of the frame along the path", "mm/N", 0.05,
+               _one("kinematics", "frame_compliance_mm_per_N")),
+        Effect("base_bending", "kinematics", "yielding of the base plate at its middle", "mm/N", 0.05,
+               _one("kinematics", "base_bending_mm_per_N")),
     ]
 }  # fmt: skip

@@ -10,16 +10,19 @@ import numba as nb
 import numpy as np
 
 from gelforge.config import ConfigError, Effects, Mechanics, Sensor
-from gelforge.config.parts.effects import Circumstances, Delamination, Inclusion, Patch, WallSide
+from gelforge.config.parts.effects import Circumstances, Delamination, Patch, WallSide
 from gelforge.indentation.effects.material import by_region, region_bulk
 from gelforge.mechanics.meshes.elements import ELEMENTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
-# Share of its stiffness that what is wholly lost keeps, so that every node is held: 0.1 % of it in the forces.
+# Share of its stiffness that what is wholly lost keeps, so that every node is held: a strip does 0.9985 of what one that is
+# cut out does (tests/indentation/test_effects_limits.py).
 LEAST = 1e-3
 CONSTRAINT = 0.4  # Eshelby's 6 (K + 2 G) / (5 (3 K + 4 G)) of a ball, K >> G
 RIGID, LOST = 1 / CONSTRAINT, -1 / (1 - CONSTRAINT)
-PARTS = 6  # sample points along an element's side: a share of volume to about 1e-2
+# Sample points along an element's side: the volume of a ball of radius 1.2 elements is right to 2 %
+# (tests/indentation/test_element_stiffness.py).
+PARTS = 6
 
 
 def element_stiffness(
@@ -64,7 +67,7 @@ def element_stiffness(
         # a gap closes without resistance: of K no more is left than of G
         shear, bulk = shear * (1 - lost * (1 - LEAST)), bulk * (1 - lost * (1 - LEAST / ratio))
     for inclusion in geometry.inclusions:
-        share = _ball_share(mesh, inclusion)
+        share = _share_within(mesh, np.array(inclusion.centre_mm), inclusion.radius_mm)
         shear = shear * mixed_factor(inclusion.factor, share)
         bulk_factor = inclusion.factor if inclusion.bulk_factor is None else inclusion.bulk_factor
         bulk = bulk * bulk_factor_of(share * volume_field(bulk_factor, ratio), ratio)
@@ -165,9 +168,8 @@ def _overlap(mesh: Mesh, axis: int, low: float, high: float) -> np.ndarray:
 def _wall_strip(mesh: Mesh, sensor: Sensor, effects: Effects) -> np.ndarray:
     """Return the share (E,) of the lower layers' elements within the strip along the wall."""
     edge = sensor.wall_mm + effects.geometry.wall_gap.width_mm
-    inner = _overlap(mesh, 0, edge, sensor.width_x_mm - edge) * _overlap(
-        mesh, 1, edge, sensor.width_y_mm - edge
-    )
+    inner = _overlap(mesh, 0, edge, sensor.width_x_mm - edge)
+    inner = inner * _overlap(mesh, 1, edge, sensor.width_y_mm - edge)
     return (1 - inner) * (mesh.region < len(sensor.layers) - 1)
 
 
@@ -183,13 +185,11 @@ def _lost_beside(mesh: Mesh, sensor: Sensor, weak: WallSide) -> np.ndarray:
     return weak.wall_loss * wall * in_wall + weak.bond_loss * strip * below_skin
 
 
-def _ball_share(mesh: Mesh, inclusion: Inclusion) -> np.ndarray:
-    """Return the share (E,) of each element inside the ball; its edge is as wide as the samples lie apart."""
-    return _share_within(mesh, np.array(inclusion.centre_mm), inclusion.radius_mm)
-
-
 def _share_within(mesh: Mesh, centre: np.ndarray, radius: float) -> np.ndarray:
-    """Return the share (E,) of each element within a radius of a centre (2,) or (3,) [mm], in a plane or in space."""
+    """Return the share (E,) of each element within a radius of a centre (2,) or (3,) [mm], in a plane or in space.
+
+    Its edge is as wide as the samples lie apart.
+    """
     return _shares(mesh.X, mesh.elements, _samples(mesh.elements.shape[1]), centre, float(radius))
 
 
@@ -223,10 +223,8 @@ def _shares(X, elements, shape, centre, radius):
 
 def _box_share(mesh: Mesh, sensor: Sensor, patch: Patch) -> np.ndarray:
     """Return the share (E,) of each element of a layer inside the box; boxes that fill the body add up to 1."""
-    share = np.prod(
-        [_overlap(mesh, axis, patch.low_mm[axis], patch.high_mm[axis]) for axis in range(3)], axis=0
-    )
-    return share * (mesh.region < len(sensor.layers))
+    along = [_overlap(mesh, axis, patch.low_mm[axis], patch.high_mm[axis]) for axis in range(3)]
+    return np.prod(along, axis=0) * (mesh.region < len(sensor.layers))
 
 
 def _film_share(mesh: Mesh, sensor: Sensor, patch: Delamination) -> np.ndarray:

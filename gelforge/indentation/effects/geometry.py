@@ -11,8 +11,13 @@ from gelforge.indentation.effects.material import by_region
 from gelforge.indentation.effects.surfaces import layer_heights, surface_rises
 from gelforge.mechanics.meshes.mesh import Mesh
 
-LEAST_ROOM = 0.3  # mm, from the contact to an edge
-LEAST_SHARE = 0.5  # of the way from a contact's middle to the wall, over which what is under it stays behind
+# mm, from the contact to an edge. What lies between takes up the move of a derivative, 0.005 mm (step and width of
+# misregistration), by 2 % of its length. A contact at the edge takes nothing along
+# (tests/indentation/test_carried_place.py).
+LEAST_ROOM = 0.3
+# Of the way from a contact's middle to the wall, over which what is under it stays behind: what moves and what takes the
+# move up have equal room (tests/indentation/test_carried_place.py, contacts over the wall too).
+LEAST_SHARE = 0.5
 # Share of its nominal thickness that a layer keeps everywhere: thinner elements are not solved well. 3 mm less 2.8 mm are
 # refused (tests/indentation/test_effects_entries.py).
 LEAST_THICKNESS = 0.2
@@ -31,9 +36,8 @@ def moved_mesh(mesh: Mesh, sensor: Sensor, effects: Effects) -> Mesh:
     _check_thickness(sensor, heights, rise)
     z = mesh.X[:, 2]
     layer = np.clip(np.searchsorted(heights, z, side="right") - 1, 0, len(heights) - 2)
-    up = np.clip(
-        (z - heights[layer]) / np.diff(heights)[layer], 0, 1
-    )  # below the layers all moves as their base
+    # below the layers all moves as their base
+    up = np.clip((z - heights[layer]) / np.diff(heights)[layer], 0, 1)
     node = np.arange(len(z))
     X = mesh.X.copy()
     X[:, 2] = z + (1 - up) * rise[node, layer] + up * rise[node, layer + 1]

@@ -102,7 +102,7 @@ def _times_along(trajectory: Trajectory, timing: PressTiming) -> list[float]:
 
 def empty_grid(sensor: Sensor, effects: Effects, regions: tuple[str, ...]) -> PeakGrid | None:
     """Return the grid that keeps the softening of a sensor that nobody has pressed; None where nothing softens."""
-    softens = [name for name in softening_of(sensor, effects, regions)]
+    softens = list(softening_of(sensor, effects, regions))
     if not softens:
         return None
     heights = layer_heights(sensor)

@@ -17,16 +17,16 @@ OF_TOP = ("wall", "flange")  # regions of the top layer's material
 # with balls of radius 2 to 8 mm, a flat cylinder and 1 to 3 layers of 4 mm, soft under, over and between stiff ones, at
 # 0.13 to 0.5 of their height, elements of 0.5 mm. The softest layer's was 0.3 to 1.17 and 0.4 to 1.87.
 STRETCHING, COMPRESSION = 1.2, 1.9
-# With elements of 0.3 instead of 0.6 mm strains at 0.3 of the height grow by 1 % or less under a ball on two layers and by
-# 7 % on one; points inside an element are strained more than its mean, and other sensors may be beyond those tried.
+# Measured with elements of 0.3 instead of 0.6 mm: strains at 0.3 of the height grow by 1 % or less under a ball on two
+# layers and by 7 % on one; points inside an element are strained more than its mean, and other sensors may be beyond those
+# tried.
 MARGIN = 1.1
 
 
 def by_region(values: dict, regions: tuple[str, ...], top: str, default) -> dict:
     """Return the value of each region; wall and flange follow the top layer unless they are named."""
-    return {
-        name: values.get(name, values.get(top, default) if name in OF_TOP else default) for name in regions
-    }
+    of_top = dict.fromkeys(OF_TOP, values.get(top, default))
+    return {name: values.get(name, of_top.get(name, default)) for name in regions}
 
 
 def region_laws(
@@ -89,10 +89,10 @@ def region_bulk(sensor: Sensor, mechanics: Mechanics, regions: tuple[str, ...]) 
         K/mu by region.
     """
     material = mechanics.effects.material
-    given = material.bulk_to_shear | {
-        name: bulk_to_shear_of(nu) for name, nu in material.poissons_ratio.items()
-    }
-    return by_region(given, regions, sensor.layers[-1].name, mechanics.bulk_to_shear)
+    by_ratio = {name: bulk_to_shear_of(nu) for name, nu in material.poissons_ratio.items()}
+    return by_region(
+        material.bulk_to_shear | by_ratio, regions, sensor.layers[-1].name, mechanics.bulk_to_shear
+    )
 
 
 def stretches_ahead(
@@ -113,10 +113,8 @@ def stretches_ahead(
     for name in regions:
         factor = dict(zip([layer.name for layer in layers], strained)).get(name, 1.0)
         e = MARGIN * max(share, 0.0) * factor
-        stretches[name] = (
-            float(min(residual) * np.exp(-COMPRESSION * e)),
-            float(max(residual) * np.exp(STRETCHING * e)),
-        )
+        smallest, largest = min(residual) * np.exp(-COMPRESSION * e), max(residual) * np.exp(STRETCHING * e)
+        stretches[name] = float(smallest), float(largest)
     return stretches
 
 

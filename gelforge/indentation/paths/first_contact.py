@@ -9,8 +9,10 @@ from gelforge.mechanics.indenters.shapes import Indenter
 from gelforge.mechanics.meshes.elements import TRIANGLE6_PARTS
 from gelforge.mechanics.meshes.mesh import Mesh
 
-FINE = 24  # parts along a face's side: a face of 0.6 mm is then sampled every 0.025 mm, a ball's contact known to 2e-5 mm
-# The gap at which the indenter touches: a millionth of a micrometre, far below 1e-6 mm of the files.
+# Parts along a face's side: on a face of 0.6 mm every point has a sample within 0.018 mm, and up to there a ball of radius 8
+# mm rises by 0.018^2 / (2 x 8) = 2e-5 mm (contacts of a ball: tests/indentation/test_shapes.py).
+FINE = 24
+# The gap at which the indenter touches: a thousandth of the 1e-6 mm to which files hold positions (paths/places.py).
 NEAR_MM = 1e-9
 TRIANGLE6_NODES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])
 SIDES = np.array([[0, 1], [1, 2], [2, 0]])  # of whose ends the nodes 3 to 5 are the middles
@@ -41,9 +43,8 @@ def surface_point(mesh: Mesh, x: float, y: float) -> tuple[np.ndarray, np.ndarra
     for _ in range(8):  # from the flat quarter of the face: a curved face differs little
         N, dN = _triangle6(L)
         tangents = np.stack([dN[1] - dN[0], dN[2] - dN[0]]) @ nodes  # (2, 3)
-        L = L + np.array([[-1, -1], [1, 0], [0, 1]]) @ np.linalg.solve(
-            tangents[:, :2].T, p - N @ nodes[:, :2]
-        )
+        step = np.linalg.solve(tangents[:, :2].T, p - N @ nodes[:, :2])
+        L = L + np.array([[-1, -1], [1, 0], [0, 1]]) @ step
     normal = np.cross(*tangents)
     return _triangle6(L)[0] @ nodes, normal / np.linalg.norm(normal)
 
@@ -61,9 +62,8 @@ def centre_at_contact(indenter: Indenter, mesh: Mesh, x: float, y: float, along:
     faces = mesh.surface.faces
     corner = mesh.X[faces[:, :3]]
     size = np.linalg.norm(corner[:, 0] - corner[:, 1], axis=1)
-    near = (
-        np.linalg.norm(corner.mean(axis=1) - first, axis=1) < 3 * size
-    )  # the contact point lies between the nodes around the first
+    # the contact point lies between the nodes around the first
+    near = np.linalg.norm(corner.mean(axis=1) - first, axis=1) < 3 * size
     points = np.concatenate([nodes, _sampled(mesh.X[faces[near]])])
     return _advanced(indenter, points, far, along)
 
@@ -76,13 +76,9 @@ def _triangle6(L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the shape functions (..., 6) of a six-node triangle at area coordinates L (..., 3), and dN/dL (3, ..., 6)."""
     a, b = SIDES.T
     N = np.concatenate([L * (2 * L - 1), 4 * L[..., a] * L[..., b]], axis=-1)
-    dN = [
-        np.concatenate(
-            [(4 * L - 1) * (np.arange(3) == k), 4 * ((a == k) * L[..., b] + (b == k) * L[..., a])], axis=-1
-        )
-        for k in range(3)
-    ]
-    return N, np.array(dN)
+    corners = [(4 * L - 1) * (np.arange(3) == k) for k in range(3)]
+    middles = [4 * ((a == k) * L[..., b] + (b == k) * L[..., a]) for k in range(3)]
+    return N, np.concatenate([corners, middles], axis=-1)
 
 
 def _sampled(nodes: np.ndarray) -> np.ndarray:

@@ -8,9 +8,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-POSITION_MATCH_MM = 0.01  # the least tolerance of a position; PlannedCell.within_mm is that of a site
-DEPTH_MATCH_MM = 0.01  # recorded depths join a planned one within this
-DIGITS = 6  # decimals of positions and depths [mm] in files: finer than any encoder's step
+# The least tolerance of a position, that of a stage that repeats to 0.002 mm (planning/tolerance.py); PlannedCell.within_mm
+# is that of a site.
+POSITION_MATCH_MM = 0.01
+# Recorded depths join a planned one within this: by Hertz's law a force at 1.5 mm is then off by 3/2 x 0.01 / 1.5 = 1 %.
+DEPTH_MATCH_MM = 0.01
+# Decimals of positions and depths [mm] in files: a nanometre, far below the 0.002 mm to which a stage repeats
+# (planning/tolerance.py).
+DIGITS = 6
 ROUNDING_MM = 10.0**-DIGITS  # a gap of exactly the tolerance is within it
 
 
@@ -109,14 +114,8 @@ def visited(places: np.ndarray, tolerance_mm: float, names: list[str] | None = N
     named = list(names) if names else [""] * len(places)  # a site takes the first name that a member has
     near = cKDTree(places).query_ball_point(places, tolerance_mm + ROUNDING_MM)
     for number, around in enumerate(near):
-        known = [
-            k
-            for k in around
-            if k < number
-            and site[k] == k
-            and (not named[k] or not named[number] or named[k] == named[number])
-        ]
-        if known:
+        first = [k for k in around if k < number and site[k] == k]
+        if known := [k for k in first if not (named[k] and named[number]) or named[k] == named[number]]:
             nearest = min(known, key=lambda k: (float(gaps_to(places[k], places[number])[0]), k))
             site[number], named[nearest] = nearest, named[nearest] or named[number]
     return site

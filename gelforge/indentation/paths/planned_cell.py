@@ -27,12 +27,10 @@ class PlannedCell:
     shears_mm: tuple[tuple[float, float], ...] = ()
     tilts_deg: tuple[tuple[float, float], ...] = ()
     twists_deg: tuple[float, ...] = ()
-    between: str = (
-        ""  # digest of what decides the label of a site that is not solved, as lattice.lattice_digest
-    )
-    within_mm: float = (
-        POSITION_MATCH_MM  # recorded positions within this are at the site, see planning.tolerance
-    )
+    # Digest of what decides the label of a site that is not solved, as lattice.lattice_digest
+    between: str = ""
+    # Recorded positions within this are at the site, see planning.tolerance
+    within_mm: float = POSITION_MATCH_MM
 
     @property
     def solved(self) -> bool:

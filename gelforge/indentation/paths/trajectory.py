@@ -27,16 +27,8 @@ class Trajectory:
     @classmethod
     def of(cls, planned: PlannedCell, approach: str = "vertical") -> Trajectory:
         phases = planned.phases or ("load",) * len(planned.depths_mm)
-        return cls(
-            planned.x_mm,
-            planned.y_mm,
-            planned.depths_mm,
-            phases,
-            planned.shears_mm,
-            planned.tilts_deg,
-            approach,
-            twists_deg=planned.twists_deg,
-        )
+        poses = planned.depths_mm, phases, planned.shears_mm, planned.tilts_deg
+        return cls(planned.x_mm, planned.y_mm, *poses, approach, twists_deg=planned.twists_deg)
 
     def changed(self, **fields) -> Trajectory:
         """Return the trajectory with other fields."""
@@ -45,9 +37,8 @@ class Trajectory:
     @property
     def is_path(self) -> bool:
         """Whether it does more than press: then it is one indentation, also where history makes each depth one itself."""
-        return any(phase != "load" for phase in self.phases) or bool(
-            self.shears_mm or self.tilts_deg or self.twists_deg
-        )
+        moves = self.shears_mm or self.tilts_deg or self.twists_deg
+        return bool(moves) or any(phase != "load" for phase in self.phases)
 
     @property
     def shears(self) -> np.ndarray:

@@ -19,9 +19,13 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.indenter_shapes import shape_of
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 
-LAST = 4  # level of the finest lattice: 2^4 to the first spacing
+# Level of the finest lattice, 2^4 to the first spacing, which is at most the layers' height: 0.3 mm of 4.8 mm, and the
+# elements under the contact are no finer (mechanics/meshes/mesh.py).
+LAST = 4
 FINEST = 2**LAST
-DEPTHS = 10  # of a site, where the plan's depths differ from site to site
+# Of a site, where the plan's depths differ from site to site. Hertz's force is a cubic of the contact's radius, in whose
+# even steps they lie: four would do for a half space (judgement).
+DEPTHS = 10
 NAME = re.compile(r"between_(\d{4})_(\d{4})")
 Index = tuple[int, int]
 
@@ -61,8 +65,7 @@ class Lattice:
         if self.width_mm is None:
             return [at]
         n, (i, j) = self.ends[0], at
-        either = [(a, b) for a, b in ((i, j), (j, i))]
-        return sorted({(x, y) for a, b in either for x in (a, n - a) for y in (b, n - b)})
+        return sorted({(x, y) for a, b in ((i, j), (j, i)) for x in (a, n - a) for y in (b, n - b)})
 
     def representatives(self, places: Iterable[Index]) -> list[Index]:
         """Return the places that are solved so that all of these are known: one of each that mirror into each other."""
@@ -139,21 +142,14 @@ def check_interpolation(study: Study) -> None:
     why_not = [
         (kind != "block", f"shape.kind: {kind}, whose surface differs from site to site"),
         (study.tetrahedra, "mechanics.mesh.elements: tetrahedra, whose corners carry no force of their own"),
-        (
-            mechanics.binning == "node",
-            "mechanics.binning: node, which jumps where a node crosses the edge of a bin",
-        ),
+        (mechanics.binning == "node", "mechanics.binning: node, which jumps where a node crosses the edge of a bin"),
         (effects.history.any, "mechanics.effects.history, with which a label depends on its path"),
         (placed, f"mechanics.effects.geometry: {', '.join(placed)}, which solved sites around need not feel"),
         (mechanics.store_displacement, "mechanics.store_displacement: displacements are not interpolated"),
         (mechanics.sensitivities, "mechanics.sensitivities: derivatives are not interpolated"),
-        (
-            share and not mechanics.error_bars,
-            "error_bars: false, a share of which is asked for: give tolerance_N",
-        ),
-    ]
-    reasons = [words for is_so, words in why_not if is_so]
-    if reasons:
+        (share and not mechanics.error_bars, "error_bars: false, a share of which is asked for: give tolerance_N"),
+    ]  # fmt: skip
+    if reasons := [words for is_so, words in why_not if is_so]:
         raise ConfigError(
             f"plan.interpolation: labels are not interpolated with {reasons[0]}; use interpolation: none"
         )

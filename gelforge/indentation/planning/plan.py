@@ -34,7 +34,9 @@ from gelforge.indentation.sensor.indenter_shapes import check_press, check_wides
 from gelforge.indentation.sensor.sizes import check_indenter, check_sensor_size
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 
-SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0  # of an indentation by hand: friction is followed step by step
+# Of an indentation by hand: a third of an element of 0.3 mm, in which friction is followed, and as far for 1 deg at 6 mm
+# from the axis (tests/indentation/test_indenters_and_paths.py).
+SHEAR_STEP_MM, TWIST_STEP_DEG = 0.1, 1.0
 
 
 def plan_cells(study: Study) -> dict[str, PlannedCell]:
@@ -83,10 +85,10 @@ def _between_sites(cells: dict[str, PlannedCell], study: Study) -> dict[str, Pla
     if lattice is None:
         return cells
     decides = lattice_digest(study, lattice)
-    return {
-        name: replace(cell, between=decides) if interpolable(study, cell) else cell
-        for name, cell in cells.items()
+    inside = {
+        name: replace(cell, between=decides) for name, cell in cells.items() if interpolable(study, cell)
     }
+    return cells | inside
 
 
 CORNER_MM = 5.0  # the "corner" of Sferrazza et al. 2019: this far from two edges
@@ -226,15 +228,8 @@ def press_path(
     if unload:
         steps += [("unload", depth, move, twist) for depth in [*reversed(depths[:-1]), 0.0]]
     phases, path, shears, twists = zip(*steps)
-    return PlannedCell(
-        name,
-        x,
-        y,
-        path,
-        phases=phases,
-        shears_mm=shears if any(move) else (),
-        twists_deg=twists if twist else (),
-    )
+    moved, turned = shears if any(move) else (), twists if twist else ()
+    return PlannedCell(name, x, y, path, phases=phases, shears_mm=moved, twists_deg=turned)
 
 
 def _shares(length: float, step: float) -> list[float]:
@@ -312,12 +307,10 @@ def _with_sources(cells: dict[str, PlannedCell], sensor: Sensor) -> dict[str, Pl
         if cell.follows_a_path:  # solved itself: its moves have directions of their own
             related[cell.name] = cell
             continue
-        known = (
-            solved[place, cell.depths_mm] for place in places[number] if (place, cell.depths_mm) in solved
-        )
-        source = next(known, None)
+        keys = [(place, cell.depths_mm) for place in places[number]]
+        source = next((solved[key] for key in keys if key in solved), None)
         if source is None:
-            solved[places[number][0], cell.depths_mm] = number  # D4 begins with the identity
+            solved[keys[0]] = number  # D4 begins with the identity
             related[cell.name] = cell
             continue
         fits = np.abs(images[:, source] - positions[number]).max(axis=-1) < 1e-6

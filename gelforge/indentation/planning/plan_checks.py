@@ -16,7 +16,9 @@ MOST_CELLS = 200_000
 # 100 times those of the article's mesh; their factors alone would need a terabyte (memory by unknowns:
 # benchmarks/cell_cost.py)
 MOST_ELEMENTS = 5e6
-MOST_STEPS = 1e4  # of one indentation; 100 resolve any history
+# Of one indentation: at a second each (seconds of a site: benchmarks/cell_cost.py) they take three hours, and 100 resolve
+# any history.
+MOST_STEPS = 1e4
 
 
 def check_places(cells: Mapping[str, PlannedCell], within_mm: float) -> None:

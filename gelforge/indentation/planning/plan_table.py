@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -57,15 +57,11 @@ def _steps(cell: PlannedCell) -> list[tuple]:
 
 def cells_from_file(path: Path, mm_per_unit: float) -> dict[str, PlannedCell]:
     """Return the sites of a plan's file; mm_per_unit: of its lengths. Raises ConfigError or TableError."""
-    _, columns = read_columns(
-        path,
-        numbers=("x_mm", "y_mm", "depth_mm"),
-        optional_numbers=PATH_NUMBERS,
-        texts=("cell",),
-        optional_texts=("phase",),
-    )
+    of_place = ("x_mm", "y_mm", "depth_mm")
+    optional: dict[str, Any] = {"optional_numbers": PATH_NUMBERS, "optional_texts": ("phase",)}
+    _, columns = read_columns(path, numbers=of_place, texts=("cell",), **optional)
     names, phases = columns["cell"], columns["phase"]
-    places = np.column_stack([columns[name] for name in ("x_mm", "y_mm", "depth_mm")])
+    places = np.column_stack([columns[name] for name in of_place])
     moves = np.nan_to_num(np.column_stack([columns[name] for name in PATH_NUMBERS]))
     places, moves[:, :2] = places * mm_per_unit, moves[:, :2] * mm_per_unit  # the others are angles
     rows_of: dict[str, list[int]] = {}

@@ -63,13 +63,13 @@ def check_reach(reach: Reach, commanded_mm: float, where: str) -> None:
     """Refuse an indentation that would pierce the layers. Raises ConfigError with the depth found and the limit."""
     if reach.share <= SOFT_SHARE - 1e-9:
         return
-    more = abs(reach.depth_mm - commanded_mm) > 1e-6
+    commanded = remedy = ""
+    if abs(reach.depth_mm - commanded_mm) > 1e-6:
+        commanded = f" (commanded: {commanded_mm:g} mm)"
+        remedy = ", or correct contact_zero_mm, tilt_deg or thickness of mechanics.effects"
     raise ConfigError(
-        f"{where}: depth {reach.depth_mm:.4g} mm"
-        + (f" (commanded: {commanded_mm:g} mm)" if more else "")
-        + f" would pierce the soft layers: it is beyond {SOFT_SHARE} of their height {round(reach.height_mm, 3)} mm there"
-        f" ({SOFT_SHARE * reach.height_mm:.3g} mm); press less deep"
-        + (", or correct contact_zero_mm, tilt_deg or thickness of mechanics.effects" if more else "")
+        f"{where}: depth {reach.depth_mm:.4g} mm{commanded} would pierce the soft layers: it is beyond {SOFT_SHARE} of their"
+        f" height {round(reach.height_mm, 3)} mm there ({SOFT_SHARE * reach.height_mm:.3g} mm); press less deep{remedy}"
     )
 
 

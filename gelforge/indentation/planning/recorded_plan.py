@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from gelforge.indentation.paths.places import gaps_to, visited
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.stage_frame import first_outside, stage_to_sensor
 
-DEPTH_DIGITS = 3  # depths that differ by less than 0.001 mm are one step of a site
+# Depths that differ by less than 0.001 mm are one step of a site: a tenth of that within which readings join a step
+# (paths/places.py).
+DEPTH_DIGITS = 3
 
 
 @dataclass(frozen=True)
@@ -128,13 +131,8 @@ def _places_of(
     folder: Path, width_mm: tuple[float, float], changed_ns: tuple[int, int]
 ) -> tuple[RecordedPlace, ...]:
     table = folder / "indentations.csv"
-    rows, columns = read_columns(
-        table,
-        numbers=["x_mm", "y_mm"],
-        optional_numbers=["depth_mm"],
-        texts=["press", "phase"],
-        optional_texts=["cell"],
-    )
+    optional: dict[str, Any] = {"optional_numbers": ["depth_mm"], "optional_texts": ["cell"]}
+    rows, columns = read_columns(table, numbers=["x_mm", "y_mm"], texts=["press", "phase"], **optional)
     stage = load_session(folder / "session.yaml").stage_to_sensor
     xy = stage_to_sensor(np.column_stack([columns["x_mm"], columns["y_mm"]]), stage)
     if wrong := first_outside(xy, width_mm):
@@ -160,9 +158,8 @@ def _places_of(
         known = places.get(press)
         x, y = (known.x_mm, known.y_mm) if known else map(float, np.round(xy[k], 6))
         deepest = max(float(depth[k]), known.depth_mm if known else 0.0)
-        places[press] = RecordedPlace(
-            press, known.site if known else site, x, y, deepest, f"{table}, row {rows[k]}"
-        )
+        site = known.site if known else site
+        places[press] = RecordedPlace(press, site, x, y, deepest, f"{table}, row {rows[k]}")
     if not places:
         raise ConfigError(f"{table}: no load or dwell row; plan.from: sessions finds no indentation there")
     return tuple(places.values())

@@ -9,7 +9,7 @@ from gelforge.config import ConfigError, Study, load_session
 from gelforge.indentation.paths.places import POSITION_MATCH_MM, within
 
 # Of the stage's standard deviation along each axis. Of normal deviations exp(-5^2 / 2), one in 270 000, lie beyond the
-# first, exp(-3^2 / 2), one in 90, beyond the second (Rayleigh 1880).
+# first, exp(-3^2 / 2), one in 90, beyond the second (Rayleigh 1880; tests/indentation/test_recorded_plan.py).
 REPEATABILITIES, LEAST_REPEATABILITIES = 5.0, 3.0
 
 
@@ -66,9 +66,8 @@ def stage_repeatability_mm(study: Study) -> float:
     if study.virtual_lab:
         return 0.0
     files = [study.session_folder(name) / "session.yaml" for name in study.sessions]
-    return max(
-        (_repeatability(path, path.stat().st_mtime_ns) for path in files if path.is_file()), default=0.0
-    )
+    stated = [_repeatability(path, path.stat().st_mtime_ns) for path in files if path.is_file()]
+    return max(stated, default=0.0)
 
 
 @lru_cache(maxsize=256)

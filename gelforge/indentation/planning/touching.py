@@ -61,10 +61,8 @@ def check_over_sensor(study: Study, cells: dict[str, PlannedCell]) -> None:
     if sensor.shape.kind == "block":
         return
     if sensor.shape.kind == "surfaces":
-        from gelforge.indentation.sensor.sensor_mesh import (  # loads the mesher's files
-            sensor_solids,
-            tops_over,
-        )
+        # loads the mesher's files
+        from gelforge.indentation.sensor.sensor_mesh import sensor_solids, tops_over
         from gelforge.mechanics.indenters.closed_surface import SurfaceError
 
         try:
@@ -110,11 +108,7 @@ def untouched(cell: Cell, indenter: Indenter) -> str:
             f"no depth touches: the indenter stays clear of the sensor down to {cell.arrays['depth_mm'].max():g} mm; press "
             "deeper, or correct the indenter's origin_mm, the plan or contact_zero_mm"
         )
-    missing = [
-        number
-        for number, (part, one) in enumerate(zip(indenter.shapes, touched), start=1)
-        if not (one or part.need_not_touch)
-    ]
+    missing = [k + 1 for k, part in enumerate(indenter.shapes) if not (touched[k] or part.need_not_touch)]
     if not missing:
         return ""
     return (

@@ -87,10 +87,8 @@ def _turned(shape: Shape, part: IndenterPart) -> Shape:
 
 def _surface(part: IndenterPart) -> Shape:
     """Return the body inside the closed surface of a file."""
-    from gelforge.mechanics.indenters.closed_surface import (  # loads compiled kernels
-        SurfaceError,
-        closed_surface,
-    )
+    # loads compiled kernels
+    from gelforge.mechanics.indenters.closed_surface import SurfaceError, closed_surface
 
     vertices, triangles = read_triangles(given(part.file, "indenter.file"))
     try:
@@ -126,17 +124,11 @@ def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
             raise ConfigError(f"{path}: no face; save the body's surface as triangles")
         return vertices, triangles
     try:
-        with np.errstate(
-            over="ignore"
-        ):  # meshio takes the text of an ASCII STL for a number of triangles first
+        # meshio takes the text of an ASCII STL for a number of triangles first
+        with np.errstate(over="ignore"):
             read = meshio.read(path)
-    except (
-        meshio.ReadError,
-        ValueError,
-        IndexError,
-        KeyError,
-        SystemExit,
-    ) as error:  # meshio exits where it gives up
+    # meshio exits where it gives up
+    except (meshio.ReadError, ValueError, IndexError, KeyError, SystemExit) as error:
         raise ConfigError(
             f"{path}: meshio cannot read it ({error or 'unknown format'}); save it as another of STL, PLY and OBJ"
         ) from None
@@ -174,12 +166,10 @@ def check_press(study: Study, shape: Shape, depth_mm: float, where: str) -> None
     touched = shape.footprint(depth_mm)[:, 2].min()
     if touched < near:
         turned = any(any(part.orientation_deg) for part in (study.indenter, *study.indenter.parts))
+        remedy = (
+            ", or an orientation_deg in which no edge or corner comes first" if turned else " or press deeper"
+        )
         raise ConfigError(
             f"{where}: at its deepest, {depth_mm:g} mm, the {words} touches only {touched:.2g} mm to each side, less than "
-            f"one element (mechanics.mesh.near_mm {near:g} mm); take a finer mesh"
-            + (
-                ", or an orientation_deg in which no edge or corner comes first"
-                if turned
-                else " or press deeper"
-            )
+            f"one element (mechanics.mesh.near_mm {near:g} mm); take a finer mesh{remedy}"
         )

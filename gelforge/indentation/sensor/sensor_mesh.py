@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -58,7 +57,7 @@ def sensor_mesh(
     """
     sizes = sizes_of(mesh)
     if by_hexahedra(sensor, mesh):
-        return layered_block(_on_base(_block(sensor), base), x_mm, y_mm, sizes, touched)
+        return layered_block(_block(sensor, base), x_mm, y_mm, sizes, touched)
     if base:
         raise ConfigError(
             "mechanics.effects.geometry.base is meshed by hexahedra only; use mesh.elements: auto"
@@ -98,12 +97,11 @@ def elements_through(sensor: Sensor, mesh: MeshSizes) -> float:
 def sizes_of(mesh: MeshSizes) -> Sizes:
     """Return a description's element sizes."""
     mesh = mesh.used
-    return Sizes(
-        mesh.near_mm, mesh.near_radius_mm, mesh.growth, mesh.far_mm, mesh.envelope_mm, mesh.wall_parts
-    )
+    near = mesh.near_mm, mesh.near_radius_mm, mesh.growth
+    return Sizes(*near, mesh.far_mm, mesh.envelope_mm, mesh.wall_parts)
 
 
-def _block(sensor: Sensor) -> Block:
+def _block(sensor: Sensor, base: Base | None = None) -> Block:
     flange = sensor.flange
     return Block(
         width_x=sensor.width_x_mm,
@@ -112,13 +110,9 @@ def _block(sensor: Sensor) -> Block:
         wall=sensor.wall_mm,
         flange_width=flange.width_mm if flange else 0.0,
         flange_height=flange.height_mm if flange else 0.0,
+        base=base.thickness_mm if base else 0.0,
+        base_is_rigid=base is not None and base.youngs_modulus_MPa is None,
     )
-
-
-def _on_base(block: Block, base: Base | None) -> Block:
-    if base is None:
-        return block
-    return replace(block, base=base.thickness_mm, base_is_rigid=base.youngs_modulus_MPa is None)
 
 
 def _layers(sensor: Sensor) -> tuple[tuple[str, float], ...]:
@@ -148,9 +142,7 @@ def _laid_out(files: tuple, unit: float, origin: tuple, turns: tuple, base: floa
     return solids
 
 
-@lru_cache(maxsize=4)
-def _dome(width_x: float, width_y: float, layers: tuple, envelope: float) -> Solids:
-    return dome_solids(width_x, width_y, layers, envelope)
+_dome = lru_cache(maxsize=4)(dome_solids)
 
 
 def sensor_solids(sensor: Sensor, envelope: float = Sizes.envelope) -> Solids:

@@ -6,7 +6,8 @@ import numpy as np
 
 from gelforge.config import StageToSensor
 
-CORNER_MM = 0.1  # nobody presses nearer to the very corner; 32 mm in metres are 0.032 mm from it
+# Nobody presses nearer to the very corner; 32 mm in metres are 0.032 mm from it (tests/indentation/test_recorded_plan.py).
+CORNER_MM = 0.1
 
 
 def stage_to_sensor(xy: np.ndarray, stage: StageToSensor) -> np.ndarray:

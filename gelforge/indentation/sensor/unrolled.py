@@ -13,7 +13,9 @@ import numpy as np
 
 from gelforge.config import Sensor
 
-DIRECTIONS = 2049  # of the table over which a dome's area is summed: 1e-6 of the rectangle, by its curvature
+# Of the table over which a dome's area is summed: 1e-6 of the rectangle, by its curvature
+# (tests/indentation/test_unrolled.py).
+DIRECTIONS = 2049
 
 
 def unrolled(sensor: Sensor, points: np.ndarray) -> np.ndarray:
@@ -27,9 +29,8 @@ def unrolled(sensor: Sensor, points: np.ndarray) -> np.ndarray:
         return points[..., :2]
     a, b, c = _axes(sensor)
     x, y = points[..., 0] / a - 1, points[..., 1] / b - 1
-    phi = np.arctan2(
-        np.hypot(x, y), np.clip(1 + points[..., 2] / c, 0, None)
-    )  # by direction: well conditioned at the rim
+    # by direction: well conditioned at the rim
+    phi = np.arctan2(np.hypot(x, y), np.clip(1 + points[..., 2] / c, 0, None))
     theta = np.arctan2(y, x)
     k = _steepness(theta, (a, b, c))
     r = np.sqrt(np.clip(_area_of_ray(np.cos(phi), k) / _area_of_ray(0.0, k), 0, 1))

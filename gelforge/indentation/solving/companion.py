@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -81,21 +82,16 @@ def simulate_label(
     ) as failure:  # the site itself is solved: its bars are as large as its force
         companion, reason, unknowns = _unknown(bins.nx * bins.ny), str(failure), 0
     done = min(len(companion.total), len(cell.arrays["depth_mm"]))  # either may have ended early
-    companion = Companion(
-        companion.total[:done],
-        companion.bins[:done],
-        companion.total_slopes[:, :done],
-        companion.bin_slopes[:, :done],
-    )
+    companion = companion.first(done)
     touched = (cell.arrays["node_state"] != OPEN).sum(axis=1)
     forces = cell.arrays["total_force_N"], cell.arrays["bin_force_N"]
     resolution = resolution_of(study.sensor, study.mechanics.mesh, laws, planned.x_mm, planned.y_mm)
     bars = error_bars(*forces, touched, (bins.ny, bins.nx), companion, resolution)
-    known = sorted(uncertain)
     attributes = {
         "companion_unknowns": unknowns,
         "companion_reason": reason,
-        "uncertain_materials": known,  # a law that was given, and not fitted, has no covariance: its share is zero
+        # a law that was given, and not fitted, has no covariance: its share is zero
+        "uncertain_materials": sorted(uncertain),
         "error_bar_seconds": time.perf_counter() - wall_clock,
         "seconds": cell.attributes["seconds"] + time.perf_counter() - wall_clock,
         "cpu_seconds": cell.attributes["cpu_seconds"] + time.process_time() - cpu_clock,
@@ -161,10 +157,8 @@ def solve_companion(
     cell = simulate_cell(coarser, laws, planned)
     total, bins = cell.arrays["total_force_N"], cell.arrays["bin_force_N"]
     plain, _, _ = _plain_companion(_without_path_effects(coarser), laws, planned, uncertain)
-    done = min(len(total), len(plain.total))
-    slopes = plain.total_slopes[:, :done], plain.bin_slopes[:, :done]
-    unknowns = int(cell.attributes["degrees_of_freedom"])
-    return Companion(total[:done], bins[:done], *slopes), cell.attributes["reason"], unknowns
+    companion = replace(plain, total=total, bins=bins).first(min(len(total), len(plain.total)))
+    return companion, cell.attributes["reason"], int(cell.attributes["degrees_of_freedom"])
 
 
 def _without_path_effects(study: Study) -> Study:

@@ -56,7 +56,9 @@ SHARE_TOUCH = 0.15
 PART_OF_BINS = 0.2
 # of the vertical difference, on horizontal totals: near a wall they lean on it (benchmarks/error_bars.py)
 CROSS_TOTALS = 0.02
-AMOUNT = 0.05  # of a standard deviation, by which a law is moved: its effect is then still a straight line
+# Of a standard deviation, by which a law is moved: its effect is then a straight line to 2 %
+# (tests/indentation/test_error_bars.py).
+AMOUNT = 0.05
 
 
 @dataclass(frozen=True)
@@ -65,10 +67,14 @@ class Companion:
 
     total: np.ndarray  # (D, 3) [N]
     bins: np.ndarray  # (D, B, 3) [N]
-    total_slopes: (
-        np.ndarray
-    )  # (n, D, 3) [N per standard deviation], one per independent direction of the laws' parameters
+    # (n, D, 3) [N per standard deviation], one per independent direction of the laws' parameters
+    total_slopes: np.ndarray
     bin_slopes: np.ndarray  # (n, D, B, 3)
+
+    def first(self, depths: int) -> Companion:
+        """Return what it says of so many depths."""
+        slopes = self.total_slopes[:, :depths], self.bin_slopes[:, :depths]
+        return Companion(self.total[:depths], self.bins[:depths], *slopes)
 
 
 def error_bars(
@@ -148,9 +154,8 @@ def mesh_totals(total: np.ndarray, coarse: np.ndarray) -> np.ndarray:
     """Return the discretisation error bars (D, 3) [N] of totals by their difference from the coarse mesh."""
     x, y, z = ((total - coarse) ** 2).T
     horizontal, crossed = (x + y) / 2, CROSS_TOTALS**2 * z
-    return np.sqrt(
-        PART_TOTALS**2 * np.array([horizontal, horizontal, z]).T + np.array([crossed, crossed, 0 * z]).T
-    )
+    own, others = np.array([horizontal, horizontal, z]).T, np.array([crossed, crossed, 0 * z]).T
+    return np.sqrt(PART_TOTALS**2 * own + others)
 
 
 def touch_totals(total: np.ndarray, touched: np.ndarray) -> np.ndarray:
@@ -160,10 +165,9 @@ def touch_totals(total: np.ndarray, touched: np.ndarray) -> np.ndarray:
 
 def layer_totals(total: np.ndarray, resolution: Resolution) -> np.ndarray:
     """Return the error bars (D, 3) [N] of totals by the elements through the gel, stiff layers and walls."""
-    stiff = (
-        min(SHARE_STIFF / resolution.through**5, SHARE_BENDING / resolution.through**2) * resolution.contrast
-    )
-    through = np.hypot(SHARE_LAYERS / resolution.through**2, stiff) * np.abs(total)
+    n = resolution.through
+    stiff = min(SHARE_STIFF / n**5, SHARE_BENDING / n**2) * resolution.contrast
+    through = np.hypot(SHARE_LAYERS / n**2, stiff) * np.abs(total)
     walls = SHARE_WALLS * resolution.contrast * resolution.walls * np.abs(total[:, 2:])
     return np.hypot(through, walls)
 

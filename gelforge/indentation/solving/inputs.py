@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
-from gelforge.config import Study
+from gelforge.config import Indenter, Mechanics, Sensor, Study
 from gelforge.files import digest, file_sha256, source_digest
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.surface_files import file_digests, surface_digests
@@ -50,14 +50,21 @@ def _sources() -> str:
 def model_inputs(study: Study, laws: Mapping[str, PrincipalLaw]) -> dict:
     """Return what decides a site's numbers, but its path and the sources: settings of the solver, and laws."""
     materials = {layer.material for layer in study.sensor.layers}
-    return {
-        "sensor": study.sensor.model_dump(mode="json"),
-        "sensor_files": surface_digests(study.sensor),
-        "approach": study.plan.approach,
-        "indenter": study.indenter.model_dump(mode="json"),
-        "indenter_files": file_digests(study.indenter),
-        "mechanics": study.mechanics.model_dump(mode="json"),
+    of_laws = {
         "laws": {name: laws[name].description() for name in materials},
+        "approach": study.plan.approach,
+    }
+    return described(study.sensor, study.indenter, study.mechanics) | of_laws
+
+
+def described(sensor: Sensor, indenter: Indenter, mechanics: Mechanics) -> dict[str, dict]:
+    """Return sections of a study with the digests of the files that they name."""
+    return {
+        "sensor": sensor.model_dump(mode="json"),
+        "sensor_files": surface_digests(sensor),
+        "indenter": indenter.model_dump(mode="json"),
+        "indenter_files": file_digests(indenter),
+        "mechanics": mechanics.model_dump(mode="json"),
     }
 
 
@@ -85,6 +92,5 @@ def solution_digest(
         SHA-256 in hexadecimal.
     """
     files = sorted(file_sha256(path) for path in law_files)
-    return digest(
-        [inputs_digest(study, laws, planned), files, source_digest("materials/fitting/law_file.py")]
-    )
+    sources = source_digest("materials/fitting/law_file.py")
+    return digest([inputs_digest(study, laws, planned), files, sources])

@@ -13,6 +13,11 @@ from gelforge.indentation.sensor.symmetry import transform_bins, transform_point
 from gelforge.indentation.solving.inputs import inputs_digest
 from gelforge.mechanics.laws.law import PrincipalLaw
 
+# Shear and tilt are zero: a site that shears or tilts is solved itself.
+UNCHANGED = {"depth_mm", "shear_mm", "tilt_deg", "node_area_mm2", "node_state"}
+VECTORS = {"total_force_N", "reaction_N", "side_force_N", "bin_force_N", "bin_normal_N", "bin_shear_N"}
+VECTORS |= {"node_normal_N", "node_shear_N", "node_displacement_mm"}
+
 
 def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], planned: PlannedCell) -> Cell:
     """Return the site that the plan's symmetry makes of another one, without section, gel displacement and derivatives.
@@ -44,28 +49,19 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], plann
     name, width, n = planned.symmetry, study.sensor.width_x_mm, study.sensor.bins.nx
     if name is None:
         raise ValueError(f"site {planned.name} mirrors no other; solve it")
-    # Shear and tilt are zero: a site that shears or tilts is solved itself.
-    plain = ("depth_mm", "shear_mm", "tilt_deg")
-    arrays = {key: source.arrays[key] for key in plain if key in source.arrays}
-    for key in (
-        "total_force_N",
-        "reaction_N",
-        "side_force_N",
-        "node_normal_N",
-        "node_shear_N",
-        "node_displacement_mm",
-    ):
-        if key not in source.arrays:  # an interpolated source has no nodes, a failed one perhaps nothing
-            continue
-        arrays[key] = transform_vectors(name, source.arrays[key])
-    for key in [key for key in ("bin_force_N", "bin_normal_N", "bin_shear_N") if key in source.arrays]:
-        arrays[key] = transform_bins(name, source.arrays[key], n)
-    for key in sorted(ERROR_BARS & set(source.arrays)):
-        moved = transform_bins(name, source.arrays[key], n) if key.startswith("bin") else None
-        arrays[key] = np.abs(transform_vectors(name, source.arrays[key]) if moved is None else moved)
-    for key in {"node_xy_mm", "indenter_mm"} & set(source.arrays):
-        arrays[key] = transform_points(name, source.arrays[key], width)
-    arrays |= {key: source.arrays[key] for key in ("node_area_mm2", "node_state") if key in source.arrays}
+    # An interpolated source has no nodes, a failed one perhaps nothing.
+    held, arrays = source.arrays, {}
+    for key in held.keys() & UNCHANGED:
+        arrays[key] = held[key]
+    for key in held.keys() & (VECTORS | ERROR_BARS):
+        moved = (
+            transform_bins(name, held[key], n)
+            if key.startswith("bin")
+            else transform_vectors(name, held[key])
+        )
+        arrays[key] = np.abs(moved) if key in ERROR_BARS else moved
+    for key in held.keys() & {"node_xy_mm", "indenter_mm"}:
+        arrays[key] = transform_points(name, held[key], width)
     identity = {
         "cell": planned.name,
         "x_mm": planned.x_mm,
@@ -78,6 +74,5 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], plann
         "cpu_seconds": time.process_time() - cpu_clock,
     }
     # Effects have places and directions: their derivatives are not mirrored.
-    kept = {key: value for key, value in source.attributes.items() if not key.startswith("sensitivity_")}
-    kept = {key: value for key, value in kept.items() if key not in TIMINGS}
-    return Cell(arrays, kept | identity)
+    kept = [key for key in source.attributes if not (key.startswith("sensitivity_") or key in TIMINGS)]
+    return Cell(arrays, {key: source.attributes[key] for key in kept} | identity)

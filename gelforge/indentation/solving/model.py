@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -162,8 +163,9 @@ def _body(
     by_region = region_laws(sensor, mechanics.effects, mesh.regions, laws)
     bulk = region_bulk(sensor, mechanics, mesh.regions)
     stiffness, bulk_stiffness = element_stiffness(drawn, sensor, mechanics)
+    factors: dict[str, Any] = {"stiffness": stiffness, "bulk_stiffness": bulk_stiffness}
     if mechanics.strain == "small":
-        return SmallStrainBody(mesh, by_region, bulk, stiffness, bulk_stiffness)
+        return SmallStrainBody(mesh, by_region, bulk, **factors)
     if like is not None and not np.array_equal(like.mesh.elements, mesh.elements):
         like = None
     prestretch = region_prestretch(sensor, mechanics.effects, mesh.regions)
@@ -171,17 +173,9 @@ def _body(
     softening = softening_of(sensor, mechanics.effects, mesh.regions)
     if relaxation or softening:
         return RememberingBody(
-            mesh,
-            by_region,
-            bulk,
-            relaxation,
-            softening,
-            like=like,
-            stiffness=stiffness,
-            bulk_stiffness=bulk_stiffness,
-            prestretch=prestretch,
+            mesh, by_region, bulk, relaxation, softening, **factors, prestretch=prestretch, like=like
         )
-    return Body(mesh, by_region, bulk, None, stiffness, bulk_stiffness, prestretch, like)
+    return Body(mesh, by_region, bulk, **factors, prestretch=prestretch, like=like)
 
 
 def _path(

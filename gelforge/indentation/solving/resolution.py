@@ -21,9 +21,8 @@ class Resolution:
     """What the error of a total depends on, next to the size of the elements in contact."""
 
     through: float  # elements between contact and base
-    contrast: float = (
-        0.0  # 1 - softest over stiffest layer's shear modulus; 0 for tetrahedra, which bend right
-    )
+    # 1 - softest over stiffest layer's shear modulus; 0 for tetrahedra, which bend right
+    contrast: float = 0.0
     walls: float = 0.0  # sum over the walls of exp(-DECAY distance / height) over the square of elements through the wall
 
 

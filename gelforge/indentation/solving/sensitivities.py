@@ -34,9 +34,8 @@ from gelforge.mechanics.solving.equilibrium import NotConverged, Press
 from gelforge.progress import tracked
 
 # Derivatives against differences of full solutions (tests/indentation/test_stored_sensitivities.py):
-LITTLE_WAY = (
-    1e-3  # of what carries nodes per unit, by which they are moved to see how their bins share the forces
-)
+# Of what carries nodes per unit, by which they are moved to see how their bins share the forces
+LITTLE_WAY = 1e-3
 
 
 @dataclass(frozen=True)
@@ -48,12 +47,10 @@ class Variation:
     amount: float  # by which it differs, in the derivative's unit
     alone: bool = False  # solved by itself, not along the base: its mesh or its paths are others
     without: Study | None = None  # what an `alone` one is compared with; None: the base
-    instead: Variation | None = (
-        None  # an `alone` one, in place of this where it has no derivative along the base
-    )
-    share: tuple[float, ...] | None = (
-        None  # of how the indenter's path differs, at each step; None: all of it
-    )
+    # An `alone` one, in place of this where it has no derivative along the base
+    instead: Variation | None = None
+    # Of how the indenter's path differs, at each step; None: all of it
+    share: tuple[float, ...] | None = None
 
     @cached_property
     def inputs(self) -> str:
@@ -275,10 +272,9 @@ def _at_its_place(base: Model, state: State, slope: np.ndarray, carried: np.ndar
         return slope
     elements, N = base.mesh.elements, len(base.mesh.X)
     gradient = np.einsum("eai,eqaj->eij", state.u[elements], base.body.gradient) / base.body.gradient.shape[1]
-    sums = np.stack(
-        [np.bincount(elements.ravel(), np.repeat(g, elements.shape[1]), N) for g in gradient.reshape(-1, 9).T]
-    )
-    at_nodes = (sums / np.bincount(elements.ravel(), minlength=N)).T.reshape(N, 3, 3)
+    nodes, A = elements.ravel(), elements.shape[1]
+    sums = np.stack([np.bincount(nodes, np.repeat(g, A), N) for g in gradient.reshape(-1, 9).T])
+    at_nodes = (sums / np.bincount(nodes, minlength=N)).T.reshape(N, 3, 3)
     return slope - np.einsum("nij,nj->ni", at_nodes, carried)
 
 

@@ -14,7 +14,7 @@ from gelforge.config import Indenter, Mechanics, Sensor
 from gelforge.indentation.cells.cell_arrays import force_arrays, gel_arrays, moment_shift, section_arrays
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.planning.touching import touched_parts
-from gelforge.indentation.sensor.surface_files import file_digests, surface_digests
+from gelforge.indentation.solving.inputs import described
 from gelforge.indentation.solving.model import Model
 from gelforge.indentation.solving.stretch_range import (
     Outside,
@@ -117,10 +117,5 @@ def settings_text(
     sensor: Sensor, indenter: Indenter, mechanics: Mechanics, laws: dict[str, PrincipalLaw]
 ) -> str:
     """Return everything that decides a site's solution in addition to its path, as JSON; laws by layer."""
-    content = {
-        name: part.model_dump(mode="json") for name, part in [("sensor", sensor), ("indenter", indenter)]
-    }
-    content["indenter_files"], content["sensor_files"] = file_digests(indenter), surface_digests(sensor)
-    content["mechanics"] = mechanics.model_dump(mode="json")
-    content["laws_by_layer"] = {name: law.description() for name, law in laws.items()}
-    return json.dumps(content, sort_keys=True)
+    by_layer = {name: law.description() for name, law in laws.items()}
+    return json.dumps(described(sensor, indenter, mechanics) | {"laws_by_layer": by_layer}, sort_keys=True)

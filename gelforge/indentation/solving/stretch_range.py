@@ -9,9 +9,9 @@ import numpy as np
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.stability import drucker_margin
 
-Outside = Callable[
-    [np.ndarray], np.ndarray
-]  # principal stretches (E, 3) -> whether they leave the tested range (E,)
+# principal stretches (E, 3) -> whether they leave the tested range (E,)
+Outside = Callable[[np.ndarray], np.ndarray]
+# Values of `leaves_valid_range` (docs/file-formats.md).
 NOT_KNOWN, INSIDE, LEAVES = -1, 0, 1
 
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from gelforge.mechanics.bodies.kernels import ASSEMBLE, Assembled, Elements, StepMemory
 from gelforge.mechanics.laws.law import NEAREST_LIMIT, PrincipalLaw
@@ -16,7 +15,9 @@ from gelforge.mechanics.linear.sparsity import Pattern, build_pattern
 from gelforge.mechanics.meshes.elements import ELEMENTS, element_gradient
 from gelforge.mechanics.meshes.mesh import Mesh
 
-LEAST_J = 0.05  # an iterate in which a point keeps less of its volume is shortened
+# An iterate in which a point keeps less of its volume is shortened. No solution comes near: a nearly incompressible gel
+# keeps its volume, and foam that keeps 0.4 of it is admitted (tests/mechanics/test_kernels.py).
+LEAST_J = 0.05
 NO_TANGENT = np.empty(0)
 
 
@@ -113,9 +114,8 @@ class Body:
         )
         self.element_bulk = self.bulk[mesh.region] * bulk_factor
         local = ELEMENTS[mesh.elements.shape[1]].local_bulk_to_shear * shear[mesh.region] * self.stiffness
-        self.local_bulk = np.minimum(
-            local, self.element_bulk
-        )  # equal: every point for itself, as a soft body may
+        # equal: every point for itself, as a soft body may
+        self.local_bulk = np.minimum(local, self.element_bulk)
         self.element_volume = self.weight.sum(axis=1)
 
     def _stretch_before(self, region: int, F: np.ndarray) -> None:
@@ -202,8 +202,7 @@ class SmallStrainBody(Body):
         everything = Body(mesh, laws, bulk_to_shear, unheld, stiffness, bulk_stiffness)
         values = np.empty(len(everything.pattern.indices))
         everything.response(zero, no_pressure, values)
-        upper = sp.csr_matrix((values, everything.pattern.indices, everything.pattern.indptr))
-        self._stiffness = upper + sp.triu(upper, 1).T
+        self._stiffness = everything.pattern.symmetric(values)
 
     def response(self, u: np.ndarray, pressure: np.ndarray, tangent: np.ndarray = NO_TANGENT) -> Response:
         """Return the linear response at u (N, 3) [mm]; the element pressures stay zero (they are part of K)."""

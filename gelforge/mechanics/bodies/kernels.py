@@ -75,7 +75,9 @@ from gelforge.mechanics.laws.lanes import (
 )
 from gelforge.mechanics.laws.points import fingerprint, principal_stress
 
-SMALLEST_J = 1e-3  # guards powers of J while an iterate is inverted; such an iterate is never accepted
+# Guards powers of J while an iterate is inverted; below LEAST_J of body.py none is accepted
+# (tests/mechanics/test_kernels.py).
+SMALLEST_J = 1e-3
 CODE = fingerprint(*(str(module.__file__) for module in (lanes, layout, node_sums, point_stress)))
 
 
@@ -270,9 +272,8 @@ def _assembler(NODES: int, POINTS: int, LOCAL: bool, MEMORY: bool, CODE: int = C
                 if MEMORY:
                     amount, m, share = softening[r, 0], softening[r, 1], softening[r, 2]
                     if amount != 0.0:
-                        density, beta, gamma = soften(
-                            density, beta, gamma, take(peaks, points, q), amount, m, share
-                        )
+                        largest_yet = take(peaks, points, q)
+                        density, beta, gamma = soften(density, beta, gamma, largest_yet, amount, m, share)
                     size = factor * gain[r]
                 spent += w * factor * density
                 most = max(most, extension)

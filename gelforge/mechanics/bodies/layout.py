@@ -20,11 +20,12 @@ from gelforge.mechanics.laws.lanes import LANES, ONCE, PART, PARTS, load, store
     STRESS, TOTAL, MODULUS,  # Kirchhoff, without and with the element's pressure, and its spatial modulus, times w
     GRADIENT,  # (A, 3), spatial
 ) = accumulate((1, 1, 9, 6, 9, 6, 6, 21), initial=0)  # fmt: skip
-SUMS = 24  # places of a point's modulus times the gradient of a node, before the blocks of the tangent
+# Places of a point's modulus times the gradient of a node, before the blocks of the tangent: nine for each of three
+# directions, of which three are found in two places (node_sums.py).
+SUMS = 24
 # What belongs to the elements, after the records of their points: u (A, 3), dv/du (A, 3), forces (A, 3), then these numbers.
-PRESSURE, ENERGY, SMALLEST, LARGEST, STIFF = range(
-    5
-)  # K (theta - 1); energy; det F; extension; (K - kappa) / V
+# K (theta - 1); energy; det F; extension; (K - kappa) / V
+PRESSURE, ENERGY, SMALLEST, LARGEST, STIFF = range(5)
 
 
 @nb.njit(inline="always")

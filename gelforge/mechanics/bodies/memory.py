@@ -25,9 +25,8 @@ from gelforge.mechanics.bodies.kernels import ASSEMBLE_WITH_MEMORY, StepMemory
 from gelforge.mechanics.laws.law import DEVIATOR
 from gelforge.mechanics.laws.softening import lost_share
 
-PAIRS = np.array(
-    [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]]
-)  # of the six components of a symmetric tensor
+# of the six components of a symmetric tensor
+PAIRS = np.array([[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]])
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ class RememberingBody(Body):
     def _at_rest(self, peak: np.ndarray) -> Memory:
         none = np.zeros((*self.weight.shape, 6))
         start = Memory(0.0, none, np.zeros((self.moduli.shape[1], *none.shape)), peak)
-        if np.array_equal(self.rest, np.tile(np.eye(3), (len(self.rest), 1, 1))):
+        if self.at_rest:
             return start
         # A residual stretch has been there for long: nothing of it relaxes any more.
         stress, _ = self._stress(np.zeros_like(self.mesh.X), peak)

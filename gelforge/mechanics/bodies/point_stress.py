@@ -14,16 +14,12 @@ import numba as nb
 from gelforge.mechanics.laws.lanes import ONCE, any_less, where_less
 
 # Sum of squares off the diagonal at which Jacobi's rotations end: eigenvectors are then right to its root, which is below
-# what the balance of forces leaves.
+# what the balance of forces leaves (tests/mechanics/test_lanes.py).
 OFF_DIAGONAL = 1e-26
 # Of 2 cos(arccos(r) / 3) at r in [0, 1], measured to 9e-6: two steps of Newton's then leave rounding.
 LONE = (
-    1.7320596975739426,
-    0.3328581358424494,
-    -0.09201079716283159,
-    0.03528498604463647,
-    -0.00819887607220976,
-)
+    1.7320596975739426, 0.3328581358424494, -0.09201079716283159, 0.03528498604463647, -0.00819887607220976,
+)  # fmt: skip
 
 
 @nb.njit(inline="always")
@@ -78,14 +74,7 @@ def _lone_direction(a00, a11, a22, a01, a12, a02):
     a00, a11, a22 = a00 - mean, a11 - mean, a22 - mean
     size = (a00 * a00 + a11 * a11 + a22 * a22 + 2.0 * (a01 * a01 + a12 * a12 + a02 * a02)) / 6.0
     scale = 1.0 / sqrt(size + 1e-300)
-    a00, a11, a22, a01, a12, a02 = (
-        scale * a00,
-        scale * a11,
-        scale * a22,
-        scale * a01,
-        scale * a12,
-        scale * a02,
-    )
+    a00, a11, a22, a01, a12, a02 = scaled(scale, (a00, a11, a22, a01, a12, a02))
     minor = a11 * a22 - a12 * a12
     half = 0.5 * (a00 * minor - a01 * (a01 * a22 - a12 * a02) + a02 * (a01 * a12 - a11 * a02))
     r = abs(half)

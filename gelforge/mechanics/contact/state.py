@@ -15,18 +15,16 @@ class Settings:
     friction: float = 0.45
     normal_augmentation: float = 50.0  # of shear modulus over element size: how fast gaps close, not where to
     tangential_augmentation: float = 1000.0  # the same for slip
-    force_tolerance: float = (
-        1e-6  # norm of unbalanced forces, and of friction's error, over norm of contact forces
-    )
+    # Norm of unbalanced forces, and of friction's error, over norm of contact forces
+    force_tolerance: float = 1e-6
     gap_tolerance: float = 3e-4  # penetration over element size
     volume_tolerance: float = 1e-6  # error of an element's volume ratio
     longest_step: float = 1.0  # of the indenter over the element size, where friction makes the path matter
     max_iterations: int = 40
     max_halvings: int = 4
     initial_normals: bool = False
-    facets: float = (
-        0.0  # share of the faces' mean distance inside the indenter by which nodes are pressed further
-    )
+    # Share of the faces' mean distance inside the indenter by which nodes are pressed further
+    facets: float = 0.0
     friction_exponents: tuple[float, ...] = ()  # n_k of mu times (1 + p / p_k)^-n_k
     friction_pressures: tuple[float, ...] = ()  # p_k, MPa
     adhesion_work: float = 0.0  # N/mm, of separation
@@ -34,6 +32,11 @@ class Settings:
     adhesion_range: float = 0.05  # mm
     film_thickness: float = 0.0  # mm, of what gives way between indenter and surface
     film_pressure: float = 0.01  # MPa, at which half of it has
+
+    @property
+    def adheres(self) -> bool:
+        """Whether the surface sticks to the indenter without being pressed."""
+        return max(self.adhesion_work, self.adhesion_approach) > 0
 
 
 @dataclass(frozen=True)
@@ -48,9 +51,8 @@ class State:
     normal_force: np.ndarray  # (S, 3) of the indenter on the surface nodes [N]
     friction_force: np.ndarray  # (S, 3) [N]
     contact_state: np.ndarray  # (S,) open, stick, slip
-    fixed_force: (
-        np.ndarray
-    )  # (n_fixed, 3) internal forces at the fixed nodes, the base's forces on the body [N]
+    # (n_fixed, 3) internal forces at the fixed nodes, the base's forces on the body [N]
+    fixed_force: np.ndarray
     energy: float = 0.0  # mJ
     iterations: int = 0
     factorisations: int = 0

@@ -31,13 +31,15 @@ from gelforge.mechanics.indenters.shapes import Indenter, rotation_of
 # only rounding.
 LEAST_FORCE = 1e-3
 # A gap below this share of the body's extent closes an open node; what lies between is the rounding of a flat face that
-# stands on the surface.
+# stands on the surface (tests/mechanics/test_last_steps.py).
 TOUCHES = 3e-14
 # The weight of slip against the friction force that decides between stick and slip, of shear modulus over element size.
 # Above the stiffness of a node it takes nodes from one slip to the opposite one, past the stick between them. It is in no
 # solution (docs/decisions/0010-exact-friction.md).
 SLIP_WEIGHT = 1.0
-SAME_WAY = 0.999  # cosine between two steps of the indenter along which the body's motion is extrapolated
+# Cosine between two steps of the indenter along which the body's motion is extrapolated: 2.6 deg, by which sin(2.6 deg), 4
+# %, of the motion goes elsewhere (what it is for: docs/decisions/0010-exact-friction.md).
+SAME_WAY = 0.999
 
 
 @dataclass(frozen=True)
@@ -154,28 +156,33 @@ class SurfaceContact:
         normal_part = np.where(at.active, self.area * (at.contact_pressure - eps_n * closing), 0.0)
         out.held[:] = out.f_condensed - normal_part[:, None] * at.normal
         out.touched[:] = (out.state != OPEN) | (False if step.old.touched is None else step.old.touched)
-        if max(s.adhesion_work, s.adhesion_approach) > 0:
+        if s.adheres:
             self._adhere(out, at, step.old)
         return out
 
     def _adhere(self, out: ContactForces, at: Iterate, old: State) -> None:
         """Add the cohesive pull to the contact's forces; its tangent is not positive and enters the consistent one only."""
-        s = self.settings
-        touched = np.zeros(len(at.gap), bool) if old.touched is None else old.touched
-        work = np.where(touched, s.adhesion_work, s.adhesion_approach)
-        traction, slope = adhesive_traction(at.gap, at.active, work, s.adhesion_range)
+        traction, slope = self.adhesion(at.gap, at.active, old)
         pull = -(self.area * traction)[:, None] * at.normal
         for force in (out.f_mixed, out.f_condensed, out.f_consistent):
             force += pull
-        out.stiffness_consistent[:] += (self.area * slope)[:, None, None] * (
-            at.normal[:, :, None] * at.normal[:, None, :]
-        ) + (self.area * traction)[:, None, None] * at.turn
+        across = at.normal[:, :, None] * at.normal[:, None, :]
+        turned = (self.area * traction)[:, None, None] * at.turn
+        out.stiffness_consistent[:] += (self.area * slope)[:, None, None] * across + turned
+
+    def adhesion(self, gap: np.ndarray, closed: np.ndarray, old: State) -> tuple[np.ndarray, np.ndarray]:
+        """Return the traction (S,) [MPa] that draws nodes to the indenter after an old state, and its slope [MPa/mm]."""
+        s, touched = self.settings, False if old.touched is None else old.touched
+        work = np.where(touched, s.adhesion_work, s.adhesion_approach)
+        return adhesive_traction(gap, closed, work, s.adhesion_range)
+
+    def film(self, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return by how much a film gives way (S,) [mm] under contact pressures (S,) [MPa], and its slope (S,) [mm/MPa]."""
+        return film_given(pressure, self.settings.film_thickness, self.settings.film_pressure)
 
     def _closing(self, at: Iterate) -> tuple[np.ndarray, np.ndarray]:
         """Return the gap that contact has to close (S,) [mm], less what a film gives, and the augmentation (S,) [N/mm^3]."""
-        given, slope = film_given(
-            at.contact_pressure, self.settings.film_thickness, self.settings.film_pressure
-        )
+        given, slope = self.film(at.contact_pressure)
         return at.gap + given, self.eps_n / (1 + self.eps_n * slope)
 
     # ------------------------------------------------------------------------------------------------ next iterate
@@ -185,11 +192,8 @@ class SurfaceContact:
         """Return the iterate after a share `length` of a correction du (N, 3) and its element pressures."""
         closing, eps_n = self._closing(at)
         moved = du[self.nodes]
-        lam = np.where(
-            at.active,
-            at.contact_pressure - eps_n * (closing + np.einsum("si,si->s", at.normal, moved)),
-            0.0,
-        )
+        lam = at.contact_pressure - eps_n * (closing + np.einsum("si,si->s", at.normal, moved))
+        lam = np.where(at.active, lam, 0.0)
         friction = self._next_friction(at, forces, lam, moved)
         u = at.u + length * du
         lam = at.contact_pressure + length * (lam - at.contact_pressure)
@@ -211,9 +215,8 @@ class SurfaceContact:
     ) -> np.ndarray:
         """Return the friction forces (S, 3) [N] that the springs hold after the nodes have moved (S, 3) [mm]."""
         n, e = at.normal, forces.direction
-        across = (
-            moved - n * (n * moved).sum(axis=1, keepdims=True) - e * (e * moved).sum(axis=1, keepdims=True)
-        )
+        across = moved - n * (n * moved).sum(axis=1, keepdims=True)
+        across -= e * (e * moved).sum(axis=1, keepdims=True)
         t = forces.held - forces.spring[:, None] * across
         size = np.linalg.norm(t, axis=1)
         slips = (forces.state == SLIP) & (size > 0)

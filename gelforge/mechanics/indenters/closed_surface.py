@@ -17,7 +17,8 @@ import numpy as np
 from gelforge.mechanics.indenters.shapes import SAMPLES, Indenter
 
 # Neighbouring faces that turn by less than about 20 degrees stand for a smooth surface: its corners move along their normal
-# only. Ratio of the eigenvalues of sum n n^T, tan(20 deg / 2)^2 = 0.031 of two equal faces.
+# only. Ratio of the eigenvalues of sum n n^T, tan(20 deg / 2)^2 = 0.031 of two equal faces
+# (tests/mechanics/test_indenters.py: a block and a ball of triangles).
 SMOOTH = 0.03
 
 
@@ -56,9 +57,8 @@ class ClosedSurface(Indenter):
     def __post_init__(self):
         core = _inset(self.vertices, self.triangles, self.edge)
         object.__setattr__(self, "_core", core)
-        object.__setattr__(
-            self, "_tree", _box_tree(core[self.triangles], _pseudo_normals(core, self.triangles))
-        )
+        tree = _box_tree(core[self.triangles], _pseudo_normals(core, self.triangles))
+        object.__setattr__(self, "_tree", tree)
 
     def distance(self, points):
         gap, normal, turn = _distances(np.ascontiguousarray(points, dtype=float), self._tree)
@@ -180,9 +180,8 @@ def _inset(vertices: np.ndarray, triangles: np.ndarray, edge: float) -> np.ndarr
     values, axes = np.linalg.eigh(matrix)
     along = np.einsum("vik,vi->vk", axes, right)
     certain = values > SMOOTH * values[:, -1:]
-    inner = vertices + np.einsum(
-        "vik,vk->vi", axes, np.where(certain, along / np.where(certain, values, 1.0), 0.0)
-    )
+    moves = np.where(certain, along / np.where(certain, values, 1.0), 0.0)
+    inner = vertices + np.einsum("vik,vk->vi", axes, moves)
     kept = np.einsum("ti,ti->t", _face_normals(inner[triangles])[0], normal)
     lost = (kept < 0.5) & (area > 1e-9 * area.max())
     if lost.any():

@@ -21,10 +21,14 @@ SECTION, MARGIN = 0.6, 1.1
 SAMPLES = 65  # points along a side of the box around a shape whose projections sample its surface
 
 
+# Of n points: gap (n,) [mm], normal (n, 3), turn (n, 3, 3) [1/mm]
+Gaps = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
 class Indenter:
     """What all shapes share; a shape defines distance and support, both in its own frame."""
 
-    def distance(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, points: np.ndarray) -> Gaps:
         """Return gap (n,) [mm] (negative inside), normal (n, 3) = d gap/dx and its turn dn/dx (n, 3, 3) [1/mm]."""
         raise NotImplementedError
 
@@ -32,13 +36,11 @@ class Indenter:
         """Return the largest p . direction [mm] over the points p of the body."""
         raise NotImplementedError
 
-    def vertical_gap(
-        self, points: np.ndarray, centre: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def vertical_gap(self, points: np.ndarray, centre: np.ndarray) -> Gaps:
         """Return the vertical gap, and the normal of the undeformed surface with its turn; a ball alone defines it."""
         raise NotImplementedError
 
-    def gap(self, points: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def gap(self, points: np.ndarray, centre: np.ndarray) -> Gaps:
         """Return gap, normal and turn of points (n, 3) [mm] for the indenter at centre (3,), or (6,) if it has turned.
 
         The last three of six numbers are a rotation vector [rad] about the centre.
@@ -106,9 +108,7 @@ class Sphere(Indenter):
     def reach(self) -> float:
         return self.radius
 
-    def vertical_gap(
-        self, points: np.ndarray, centre: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def vertical_gap(self, points: np.ndarray, centre: np.ndarray) -> Gaps:
         """Return the same with the vertical distance below the ball and the normal (0, 0, -1) of the undeformed surface.
 
         Points outside the ball's shadow are open by its centre's height above them.
@@ -136,10 +136,9 @@ class Cylinder(Indenter):
         outward[~away, 0] = 1.0  # on the axis every direction is as good
         up = np.zeros((len(points), 3))
         up[:, 2] = np.where(z < self.length / 2, -1.0, 1.0)
-        q = np.stack(
-            [rho - (self.radius - self.edge), np.abs(z - self.length / 2) - (self.length / 2 - self.edge)], -1
-        )
-        gap, slope, bend = _rounded(q, self.edge)
+        half = self.length / 2
+        beside, beyond = rho - (self.radius - self.edge), np.abs(z - half) - (half - self.edge)
+        gap, slope, bend = _rounded(np.stack([beside, beyond], -1), self.edge)
         normal = slope[:, :1] * outward + slope[:, 1:] * up
         frame = np.stack([outward, up], axis=1)  # (n, 2, 3)
         turn = np.einsum("nai,nab,nbj->nij", frame, bend, frame)

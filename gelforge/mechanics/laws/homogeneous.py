@@ -18,11 +18,7 @@ import numpy as np
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 # Exponents of lam in (lam_1, lam_2, lam_3), volume preserved (Ogden 1997, sec. 7.2).
-LOAD_CASES = {
-    "uniaxial": (1.0, -0.5, -0.5),
-    "pure_shear": (1.0, 0.0, -1.0),
-    "equibiaxial": (1.0, 1.0, -2.0),
-}
+LOAD_CASES = {"uniaxial": (1.0, -0.5, -0.5), "pure_shear": (1.0, 0.0, -1.0), "equibiaxial": (1.0, 1.0, -2.0)}
 
 
 @dataclass(frozen=True)

@@ -150,9 +150,8 @@ def _exp(b, x):
     y = _call(b, "fmuladd", b.fmul(r, r), _horner(b, r, EXP_TERMS), r)
     y = b.fadd(y, _constant(y, 1.0))
     n = b.fptosi(n, _integers(x, _INT))
-    half = b.ashr(
-        n, _constant(n, 1)
-    )  # in two parts: each leaves a double where the result is subnormal or the largest
+    # In two parts: each leaves a double where the result is subnormal or the largest
+    half = b.ashr(n, _constant(n, 1))
     long, shift = _integers(x), _constant(_integers(x), 52)
     y = b.bitcast(b.add(b.bitcast(y, long), b.shl(b.sext(half, long), shift)), x.type)
     rest = b.sext(b.add(b.sub(n, half), _constant(n, 1023)), long)

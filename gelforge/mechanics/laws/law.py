@@ -21,7 +21,8 @@ import numpy as np
 
 DEVIATOR = np.eye(3) - 1 / 3  # takes the mean off a triple of principal values
 # Beyond this share of a limiting extension stress and slope of the compiled routines stay what they are there: finite
-# numbers for an iterate that is never accepted. A state so close to the limit has 10^4 times the modulus at rest.
+# numbers for an iterate that is never accepted. A state so close to the limit has 10^4 times the modulus at rest
+# (tests/mechanics/test_kernels.py).
 NEAREST_LIMIT = 1 - 1e-4
 
 

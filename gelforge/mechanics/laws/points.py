@@ -31,9 +31,8 @@ _OF_STRETCHES = list(dict.fromkeys(law.point for law in _LAWS if not issubclass(
 _OF_INVARIANTS = list(dict.fromkeys(law.point for law in _LAWS if issubclass(law, InvariantLaw)))
 _ROUTINES = [*_OF_STRETCHES, *_OF_INVARIANTS]
 STRETCHES = len(_OF_STRETCHES)  # routines below this number are of the stretches
-CORRECTED = (
-    1000  # added to the number of a law whose energy is corrected; its row of constants ends in C20, C30
-)
+# Added to the number of a law whose energy is corrected; its row of constants ends in C20, C30
+CORRECTED = len(_ROUTINES)
 
 
 def fingerprint(*files: str) -> int:

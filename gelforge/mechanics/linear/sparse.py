@@ -12,30 +12,16 @@ import os
 import sys
 from functools import cache
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from gelforge.mechanics.linear.krylov import flexible_gmres
-from gelforge.mechanics.linear.sparsity import Pattern, Rows, symmetric_product
+from gelforge.mechanics.linear.sparsity import Pattern, symmetric_product
 
 
 class NotPositiveDefinite(ArithmeticError):
     """The tangent could not be factorised as a positive definite matrix."""
-
-
-class DirectSolver(Protocol):
-    """Factorises the upper-triangular values of a fixed pattern and solves with them."""
-
-    name: str
-
-    def factor(self, values: np.ndarray) -> None: ...
-
-    def solve(self, rhs: np.ndarray) -> np.ndarray: ...
-
-    def solve_many(self, rhs: np.ndarray) -> np.ndarray: ...
 
 
 @cache
@@ -60,7 +46,7 @@ class Pardiso:
     KIND, PIVOT = 2, 8  # positive definite; perturbed pivots are 10^-PIVOT
     NUMBER: type[np.floating] = np.float32
 
-    def __init__(self, pattern: Rows, threads: int = 1, condensed: np.ndarray | None = None):
+    def __init__(self, pattern: Pattern, threads: int = 1, condensed: np.ndarray | None = None):
         """condensed: equations that are kept, all others being eliminated in a Schur complement."""
         mkl = _math_kernel_library()
         mkl.MKL_Set_Num_Threads(threads)
@@ -137,19 +123,13 @@ class SuperLU:
     name = "superlu"
 
     def __init__(self, pattern: Pattern):
-        self._indptr, self._indices, self._n = pattern.indptr, pattern.indices, pattern.size
+        self._pattern = pattern
 
     def factor(self, values: np.ndarray) -> None:
         """Factorise; values (nnz,) in the pattern's order. Raises NotPositiveDefinite for a singular matrix."""
-        upper = sp.csr_matrix((values, self._indices, self._indptr), shape=(self._n, self._n))
-        full = upper + sp.triu(upper, 1).T
+        full, options = self._pattern.symmetric(values).tocsc(), {"SymmetricMode": True}
         try:
-            self._lu = splu(
-                full.tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
+            self._lu = splu(full, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         except RuntimeError as error:
             raise NotPositiveDefinite(str(error)) from None
 
@@ -160,6 +140,9 @@ class SuperLU:
     def solve_many(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solutions (m, n) of right-hand sides (m, n)."""
         return np.ascontiguousarray(self._lu.solve(np.ascontiguousarray(rhs.T)).T)
+
+
+DirectSolver = Pardiso | SuperLU
 
 
 def direct_solver(pattern: Pattern, choice: str = "auto") -> DirectSolver:

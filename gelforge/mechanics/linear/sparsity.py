@@ -7,24 +7,11 @@ written out in blocks of 3x3: rows of a node's own block begin at the diagonal, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numba as nb
 import numpy as np
 import scipy.sparse as sp
-
-
-class Rows(Protocol):
-    """The places of the values of a square sparse matrix of `size` rows."""
-
-    @property
-    def indptr(self) -> np.ndarray: ...  # (n + 1,) int32
-
-    @property
-    def indices(self) -> np.ndarray: ...  # (nnz,) int32, sorted in every row
-
-    @property
-    def size(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -49,7 +36,8 @@ class Condensation:
         return values
 
 
-# Bits of one number, so that they combine: from a node's own block, to a node's own block, to the transposed one.
+# Bits of one number, so that they combine: from a node's own block, to a node's own block, to the transposed one
+# (tests/mechanics/test_sparsity.py).
 OWN, TO_OWN, TURNED = 1, 2, 4
 
 
@@ -73,6 +61,11 @@ class Pattern:
     def assembled(self) -> int:
         """The number of values that the elements fill."""
         return len(self.indices) if self.condense is None else self.condense.shape[1]
+
+    def symmetric(self, values: np.ndarray) -> sp.csr_matrix:
+        """Return both triangles (n, n) of the matrix whose upper one has these values (nnz,)."""
+        upper = sp.csr_matrix((values, self.indices, self.indptr), shape=(self.size, self.size))
+        return upper + sp.triu(upper, 1).T
 
     def node_slots(self, nodes: np.ndarray) -> np.ndarray:
         """Return the slots (n, 3, 3) of the nodes' own 3x3 blocks, -1 where fixed; both triangles name the upper entry."""

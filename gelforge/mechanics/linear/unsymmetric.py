@@ -6,22 +6,12 @@ is small and dense.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from gelforge.mechanics.linear.sparse import Pardiso
 from gelforge.mechanics.linear.sparsity import Pattern
-
-
-class _Backend(Protocol):
-    def factor_with(self, values: np.ndarray, block: np.ndarray) -> None: ...
-
-    def solve(self, rhs: np.ndarray) -> np.ndarray: ...
-
-    def solve_kept(self, rhs: np.ndarray) -> np.ndarray: ...
 
 
 class PardisoSchur(Pardiso):
@@ -81,13 +71,10 @@ class SciPyLU:
 
     def factor_with(self, values: np.ndarray, block: np.ndarray) -> None:
         """Factorise the upper values (nnz,) plus a block (k, k) of the kept equations."""
-        p = self._pattern
-        shape = (p.size, p.size)
-        upper = sp.csr_matrix((values, p.indices, p.indptr), shape=shape)
+        body = self._pattern.symmetric(values)
         row, column = np.nonzero(block)
-        added = sp.csr_matrix((block[row, column], (self._kept[row], self._kept[column])), shape=shape)
-        full = (upper + sp.triu(upper, 1).T + added).tocsc()
-        self._lu = splu(full, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1)
+        added = sp.csr_matrix((block[row, column], (self._kept[row], self._kept[column])), shape=body.shape)
+        self._lu = splu((body + added).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1)
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solutions (P, n) of right-hand sides (P, n)."""
@@ -106,9 +93,8 @@ class UnsymmetricTangent:
         self._equation = pattern.equation[nodes]
         self._free = self._equation >= 0  # (k, 3)
         kept = self._equation[self._free]
-        self._solver: _Backend = (
-            PardisoSchur(pattern, kept) if solver == "pardiso" else SciPyLU(pattern, kept)
-        )
+        kind = PardisoSchur if solver == "pardiso" else SciPyLU
+        self._solver: PardisoSchur | SciPyLU = kind(pattern, kept)
 
     def factor(self, upper: np.ndarray, blocks: np.ndarray) -> None:
         """Factorise upper-triangular values of the body and blocks (k, 3, 3) [N/mm] of the nodes."""

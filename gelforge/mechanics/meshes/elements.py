@@ -48,11 +48,8 @@ def hex8_shape(xi: np.ndarray) -> np.ndarray:
 
 def hex8_natural_gradient(xi: np.ndarray) -> np.ndarray:
     """Return dN/dxi (..., 8, 3) at natural coordinates xi (..., 3)."""
-    factor = 1 + HEX8_CORNERS * xi[..., None, :]
-    others = np.stack(
-        [factor[..., 1] * factor[..., 2], factor[..., 0] * factor[..., 2], factor[..., 0] * factor[..., 1]],
-        -1,
-    )
+    x, y, z = np.moveaxis(1 + HEX8_CORNERS * xi[..., None, :], -1, 0)
+    others = np.stack([y * z, x * z, x * y], -1)
     return HEX8_CORNERS * others / 8
 
 
@@ -86,14 +83,8 @@ class Element:
 
 HEX8 = Element("hexahedron", HEX8_CORNERS, HEX8_GAUSS, np.ones(8), hex8_shape, hex8_natural_gradient)
 TET10 = Element(
-    "tetra10",
-    TET10_NODES,
-    TET10_GAUSS,
-    np.full(4, 1 / 24),
-    tet10_shape,
-    tet10_natural_gradient,
-    LOCAL_BULK_TO_SHEAR,
-)
+    "tetra10", TET10_NODES, TET10_GAUSS, np.full(4, 1 / 24), tet10_shape, tet10_natural_gradient, LOCAL_BULK_TO_SHEAR
+)  # fmt: skip
 ELEMENTS = {len(element.nodes): element for element in (HEX8, TET10)}  # by the number of nodes
 
 

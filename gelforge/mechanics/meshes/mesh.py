@@ -49,9 +49,8 @@ class Sizes:
     growth: float = 0.25  # d(size)/d(distance)
     far: float = 1.2
     envelope: float = 0.04  # mm: see stray
-    wall_parts: float = (
-        2.0  # sizes through the thickness of a wall or a thin shell near the contact, which bends
-    )
+    # sizes through the thickness of a wall or a thin shell near the contact, which bends
+    wall_parts: float = 2.0
 
     @property
     def halvings(self) -> int:
@@ -93,9 +92,8 @@ class Surface:
     nodes: np.ndarray  # (S,) numbers of the nodes that do not hang
     area: np.ndarray  # (S,) [mm^2] each node's share of the undeformed faces (elements.lumped_area), positive
     top: np.ndarray  # (S,) bool, nodes of the top surface (z = 0); the others lie on the sides
-    faces: (
-        np.ndarray
-    )  # (Q, 4) corners, or (Q, 6) corners and edge middles, of the top surface's faces, hanging ones included
+    # (Q, 4) corners, or (Q, 6) corners and edge middles, of the top surface's faces, hanging ones included
+    faces: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -108,9 +106,8 @@ class Mesh:
     regions: tuple[str, ...]
     fixed: np.ndarray  # (N,) bool, nodes held on the base
     surface: Surface
-    ties: sp.csr_matrix | None = (
-        None  # (N, N) values at all nodes from those that do not hang; None: no node hangs
-    )
+    # (N, N) values at all nodes from those that do not hang; None: no node hangs
+    ties: sp.csr_matrix | None = None
 
     @property
     def hanging(self) -> np.ndarray:
@@ -216,9 +213,8 @@ def _regions(block: Block, x: np.ndarray, y: np.ndarray, z: np.ndarray):
     """Return region (nx, ny, nz), its names and which cells are present, of the base cells with these middles [mm]."""
     outside_x, outside_y = (x < 0) | (x > block.width_x), (y < 0) | (y > block.width_y)
     outside = (outside_x[:, None] | outside_y[None, :])[:, :, None]
-    in_wall = (_in_wall(x, block.width_x, block.wall)[:, None] | _in_wall(y, block.width_y, block.wall))[
-        :, :, None
-    ]
+    wall_x, wall_y = _in_wall(x, block.width_x, block.wall), _in_wall(y, block.width_y, block.wall)
+    in_wall = (wall_x[:, None] | wall_y)[:, :, None]
     names = [name for name, _ in block.layers]
     interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height
     region = np.broadcast_to(np.searchsorted(interfaces, z), (len(x), len(y), len(z))).copy()
@@ -286,6 +282,5 @@ def _surface(block: Block, X: np.ndarray, hexahedra: np.ndarray, ties: sp.csr_ma
     top = np.concatenate(tops)
     area = ties.T @ lumped_area(X, np.concatenate(faces))
     nodes = np.flatnonzero(area > 0)
-    return Surface(
-        nodes, area[nodes], np.isin(nodes, np.flatnonzero(X[:, 2] > -1e-9)), np.concatenate(faces)[top]
-    )
+    on_top = np.isin(nodes, np.flatnonzero(X[:, 2] > -1e-9))
+    return Surface(nodes, area[nodes], on_top, np.concatenate(faces)[top])

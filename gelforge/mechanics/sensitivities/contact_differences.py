@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gelforge.mechanics.contact.forces import SLIP, STICK, adhesive_traction, film_given, friction_fall
+from gelforge.mechanics.contact.forces import SLIP, STICK, friction_fall
 from gelforge.mechanics.contact.state import Settings, State
 from gelforge.mechanics.contact.surface import SurfaceContact
 from gelforge.mechanics.indenters.shapes import Indenter
@@ -61,8 +61,7 @@ class Held:
 
 def touching(contact: SurfaceContact, after: State) -> np.ndarray:
     """Return which surface nodes (S,) have forces of contact in a state, or may have them close to it."""
-    s = contact.settings
-    pulled = (after.gap < s.adhesion_range) & (max(s.adhesion_work, s.adhesion_approach) > 0)
+    pulled = (after.gap < contact.settings.adhesion_range) & contact.settings.adheres
     return (after.contact_pressure > 0) | pulled
 
 
@@ -95,12 +94,11 @@ def held_at(contact: SurfaceContact, before: State, after: State) -> tuple[Held,
     # A node that has hardly slipped yet is held across its slip as stiffly as one that sticks.
     turning = np.divide(seen.limit, length, out=np.full_like(length, np.inf), where=length > 0)
     spring = np.where(slips, np.minimum(turning, stiff * at_nodes.area), stiff * at_nodes.area)
-    film_slope = film_given(pressure, s.film_thickness, s.film_pressure)[1]
     falls = friction_fall(pressure, s.friction_exponents, s.friction_pressures)
     slope = np.where(active, (1 - falls) * seen.limit / np.where(active, pressure, 1.0), 0.0)
     held = Held(
         nodes, u, after.centre, old, pressure, friction, active, sticks, slips & (size > 0), direction, seen,
-        stiff / (1 + stiff * film_slope), spring, slope,
+        stiff / (1 + stiff * contact.film(pressure)[1]), spring, slope,
     )  # fmt: skip
     return held, at_nodes
 
@@ -127,9 +125,8 @@ def repeated(contact: SurfaceContact, held: Held, times: int) -> tuple[SurfaceCo
     per_node = ("u", "gap", "moved", "contact_state", "touched")
     old = replace(held.old, **{name: again(getattr(held.old, name)) for name in per_node})
     seen = FlowObservation(*(again(value) for value in vars(held.seen).values()))
-    values = {
-        name: again(value) for name, value in vars(held).items() if name not in ("centre", "old", "seen")
-    }
+    names = vars(held).keys() - {"centre", "old", "seen"}
+    values = {name: again(getattr(held, name)) for name in names}
     return several, replace(held, **values, old=old, seen=seen)
 
 
@@ -158,14 +155,11 @@ def seen_at(
     active: np.ndarray,
 ) -> FlowObservation:
     """Return what forces are made of at displacements (n, 3) [mm] after a step from an old state."""
-    s = contact.settings
     gap, normal, _ = contact._gap_at(contact.X + u, centre)
-    given, _ = film_given(pressure, s.film_thickness, s.film_pressure)
     slip = contact._slip(u, contact.step(old, centre))
-    touched = np.zeros(len(gap), bool) if old.touched is None else old.touched
-    work = np.where(touched, s.adhesion_work, s.adhesion_approach)
-    pull = contact.area * adhesive_traction(gap, active, work, s.adhesion_range)[0]
-    return FlowObservation(gap + given, normal, slip, contact.area, contact._limit(pressure), pull)
+    pull = contact.area * contact.adhesion(gap, active, old)[0]
+    limit = contact._limit(pressure)
+    return FlowObservation(gap + contact.film(pressure)[0], normal, slip, contact.area, limit, pull)
 
 
 def force_change(held: Held, by: FlowObservation) -> np.ndarray:

@@ -235,9 +235,8 @@ class _Chain:
             return lifts
         base, P = self.base, len(self.varied)
         touches = [touching(base.contact, after) for after in afters]
-        self.nodes = (
-            np.flatnonzero(np.any(touches, axis=0)) if touches else np.empty(0, int)
-        )  # of the surface
+        # of the surface
+        self.nodes = np.flatnonzero(np.any(touches, axis=0)) if touches else np.empty(0, int)
         nodes = base.surface[self.nodes]
         self.tangent = UnsymmetricTangent(base.body.pattern, nodes, base.corrections.solver.name)
         self.u = np.zeros((P, len(nodes), 3))  # slope at these nodes, and of their last motion
@@ -249,11 +248,9 @@ class _Chain:
             moves = self._everywhere(load[balanced])
             self.u[balanced] = moves[:, nodes]
             for k, move in zip(balanced, moves):
-                ends = [
-                    base.contact.gap(start.u + sign * LITTLE * move, start.centre)[0].min()
-                    for sign in (1, -1)
-                ]
-                lifts[k, :3] = (ends[0] - ends[1]) / (2 * LITTLE) * self.amounts[k, 0] * DOWN
+                ends = [start.u + sign * LITTLE * move for sign in (1, -1)]
+                above, below = (base.contact.gap(u, start.centre)[0].min() for u in ends)
+                lifts[k, :3] = (above - below) / (2 * LITTLE) * self.amounts[k, 0] * DOWN
         self.shift, self.turn_of_path = shifts + lifts, np.zeros_like(shifts)
         return lifts
 
@@ -298,14 +295,9 @@ class _Chain:
         for k in np.setdiff1d(np.arange(len(self.varied)), together):
             one = self.varied[k]
             other = beside(contact, held, one.body.mesh, one.indenter, one.settings)
-            old = moved_before(
-                other,
-                held,
-                one.amount * u[k],
-                one.amount * moved[k],
-                padded(before.centre, shifts.shape[1]) + self.shift[k],
-                None if before.travel is None else before.travel + self.turn_of_path[k],
-            )
+            begun = padded(before.centre, shifts.shape[1]) + self.shift[k]
+            travel = None if before.travel is None else before.travel + self.turn_of_path[k]
+            old = moved_before(other, held, one.amount * u[k], one.amount * moved[k], begun, travel)
             seen = seen_at(other, old, held.centre + shifts[k], held.u, held.pressure, held.active)
             differences[k] = force_change(held, held.seen.change_to(seen, one.amount))
         return differences
@@ -320,10 +312,8 @@ class _Chain:
         many, all_of_them = repeated(contact, held, len(which))
         amounts = self.amounts[which]
         du, dmoved = ((amounts * one).reshape(-1, 3) for one in (u, moved))
-        before = held.old
-        old = moved_before(
-            many, all_of_them, du, dmoved, padded(before.centre, len(held.centre)), before.travel
-        )
+        begun = padded(held.old.centre, len(held.centre))
+        old = moved_before(many, all_of_them, du, dmoved, begun, held.old.travel)
         seen = seen_at(many, old, held.centre, all_of_them.u, all_of_them.pressure, all_of_them.active)
         change = force_change(all_of_them, all_of_them.seen.change_to(seen, 1.0))
         return change.reshape(len(which), -1, 3) / amounts

@@ -54,10 +54,8 @@ class ForceDifferences:
             self._without_local = copy.copy(self._apart)
             self._without_local.local_bulk = np.zeros(E)
         rows = 3 * np.repeat(base.mesh.elements.ravel(), 3) + np.tile(np.arange(3), E * A)
-        self._rows, self._columns = (
-            rows,
-            np.arange(E + 1) * 3 * A,
-        )  # of a sparse (3 N, E): forces of every element
+        # Of a sparse (3 N, E): forces of every element
+        self._rows, self._columns = rows, np.arange(E + 1) * 3 * A
         self._parts = {number: self._part_of(number, differing) for number, differing in self._others.items()}
         bodies = [self.bodies[number] for number in self._moduli]
         amounts = self.amounts[self._moduli]

@@ -41,7 +41,7 @@ KEPT_TANGENT, AHEAD = 1e-2, 3e-2
 # Nodes that slip, beyond which the first consistent step has a factorisation of its own (counts: benchmarks/cell_cost.py).
 MANY_SLIDE = 50
 # From this iteration on the weight that decides between stick and slip is halved in each: a step that cycles between them
-# comes to rest.
+# comes to rest (counts: benchmarks/cell_cost.py).
 PATIENT = 10
 # With friction the first step after the first touch is at most this share of the element size, and each further one at most
 # twice as long: of a node that touches within a step, only the step before says how it has moved until then
@@ -50,7 +50,8 @@ FIRST_STEP = 0.25
 # A step that is not to be halved any more may take this many times max_iterations: friction creeps, and gets there
 # (tests/mechanics/test_last_steps.py).
 PATIENCE = 3
-ROUNDING = 1e-9  # of a number of steps: far above 1e-16 and far below a step
+# Of a number of steps: far above the 1e-16 of a double (IEEE 754-2019) and far below a step.
+ROUNDING = 1e-9
 USUAL = Settings()
 
 
@@ -143,19 +144,14 @@ class Press:
         self.corrections.forget()  # a path's result depends on no other path
         length = np.shape(centres)[-1]
         previous, state, at = None, replace(start, centre=padded(start.centre, length)), padded(begun, length)
-        for number, centre in enumerate(np.asarray(centres, dtype=float)):
+        ends = [None if times is None else float(times[number]) for number in range(len(centres))]
+        for centre, end in zip(np.asarray(centres, dtype=float), ends):
             iterations = factorisations = 0
-            began = None if times is None else state.memory.time
-            pending = [
-                Aim(
-                    at + share * (centre - at) if share < 1 else centre,
-                    0,
-                    None
-                    if began is None or times is None
-                    else began + share * (float(times[number]) - began),
-                )
-                for share in self.parts(state, centre - at)[::-1]
-            ]
+            began = 0.0 if end is None else state.memory.time
+            pending: list[Aim] = []
+            for share in self.parts(state, centre - at)[::-1]:
+                there = at + share * (centre - at) if share < 1 else centre
+                pending.append(Aim(there, 0, None if end is None else began + share * (end - began)))
             while pending:
                 aim = pending[-1]._replace(limit=self.iterations_allowed(pending[-1].halvings))
                 try:
@@ -229,10 +225,8 @@ class Press:
         last_contact: np.ndarray | None = None
         last_residual, changes, steady, before = np.inf, 0, 0, corrections.factorisations
         # Where nothing says how the nodes move, those in contact begin as sticking to the indenter, by no weight of slip.
-        response, forces = (
-            self._evaluate(at, tangent=True),
-            contact.forces(at, move, 1.0 if ratio or guess else 0.0),
-        )
+        response = self._evaluate(at, tangent=True)
+        forces = contact.forces(at, move, 1.0 if ratio or guess else 0.0)
         for iteration in range(limit + 1):
             residual, slipped = self._residual(response, forces), contact.friction_error(forces)
             penetration = contact.penetration(at)
@@ -247,10 +241,8 @@ class Press:
                 and changes == 0
                 and response.admissible
             ):
-                factorisations = corrections.factorisations - before
-                return self._converged(
-                    state, centre, at, response, forces, iteration, factorisations, residual
-                )
+                counts = iteration, corrections.factorisations - before
+                return self._converged(state, centre, at, response, forces, *counts, residual)
             if iteration == limit:
                 break
             settled = last_contact is not None and np.array_equal(forces.state, last_contact)
@@ -263,9 +255,8 @@ class Press:
             fresh = residual > KEPT_TANGENT or residual > RATE * last_residual
             last_contact, last_residual = forces.state, residual
             # With many nodes sliding, the consistent tangent is far from a factorisation of another place of the indenter.
-            slides = (
-                exact and corrections.factorisations == before and (forces.state == SLIP).sum() > MANY_SLIDE
-            )
+            many_slide = bool((forces.state == SLIP).sum() > MANY_SLIDE)
+            slides = exact and corrections.factorisations == before and many_slide
             self._prepare(at, forces, fresh, slides)
             target = max(LINEAR_SHARE * residual, LINEAR_LEAST * s.force_tolerance) * contact.size_of(forces)
             try:
@@ -283,16 +274,17 @@ class Press:
                     break  # else the iterate is shortened
             changes = int((trial.active != at.active).sum())
             at, response, forces = trial, trial_response, trial_forces
+        extension = response.largest_extension
+        reached = (
+            f", a point at {extension:.3g} of its constitutive model's limit of extension"
+            if extension
+            else ""
+        )
         raise NotConverged(
             f"no equilibrium at centre {np.round(centre, 4)} mm after {limit} iterations: unbalanced force "
             f"{residual:.1e} and friction {slipped:.1e} of the contact force (limit {s.force_tolerance:.0e}), penetration "
             f"{penetration:.1e} of an element (limit {s.gap_tolerance:.0e}), {changes} nodes still changing contact, "
-            f"smallest J {response.smallest_J:.3f}"
-            + (
-                f", a point at {response.largest_extension:.3g} of its constitutive model's limit of extension"
-                if response.largest_extension
-                else ""
-            )
+            f"smallest J {response.smallest_J:.3f}{reached}"
         )
 
     def _evaluate(self, at: Iterate, tangent: bool = False) -> Response:

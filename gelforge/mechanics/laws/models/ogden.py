@@ -18,8 +18,10 @@ from gelforge.mechanics.laws.parameters import GivenParameters
 
 # to either side of those of rubber, 1.3, 5 and -2 (Ogden 1972)
 START_EXPONENTS = (-16.0, -8.0, -4.0, -2.0, 1.0, 2.0, 3.0, 4.0, 8.0, 16.0)
+# Six times the largest of rubber, 5 (Ogden 1972): curves that ask for more do not determine it.
 LARGEST_EXPONENT = 30.0
-SMALLEST_SHARE = 1e-9  # of a term in the stiffness
+# Of a term in the stiffness: up to a stretch of 2 a smaller one is not seen, as 2^30 is 1e9 (exponents: Ogden 1972).
+SMALLEST_SHARE = 1e-9
 MOST_TERMS = 4  # one more than those that describe Treloar's rubber (Ogden 1972)
 
 # By convention: the energy's factor of the term k, the initial shear modulus, who writes it so.
