@@ -159,13 +159,13 @@ def _measured(name: str, kind: str, effect: Effect, tests: Sequence[MaterialTest
     by_scatter = f"Student's t, {CONFIDENCE:.0%}, scatter between specimens"
     source = by_scatter if effect.interval else "none: no repeats"
     parameters = {
-        "span": effect.span,
+        "span": list(effect.span),
         "span_unit": effect.circumstance.unit,
         "slope": effect.slope,
         "slope_per": effect.circumstance.per,
-        "slope_interval_95": effect.slope_interval,
-        "stretch": effect.stretch,
-        "change_at_smallest_and_largest_strain": effect.at_ends,
+        "slope_interval_95": effect.slope_interval and list(effect.slope_interval),
+        "stretch": list(effect.stretch),
+        "change_at_smallest_and_largest_strain": effect.at_ends and list(effect.at_ends),
         "scatter_to_explain": effect.scatter_to_explain,
     }
     quantity, samples = f"relative change of the {effect.quantity}", tuple(t.sample for t in tests)

@@ -66,15 +66,15 @@ def _relaxation(test: MaterialTest, fit: Relaxation) -> MeasuredEffect:
     parameters = {
         "stretch": fit.stretch,
         "drop_of_every_hold": _drops(test),
-        "hold_s": fit.hold_s,
+        "hold_s": list(fit.hold_s),
         "prony_shares": fit.shares.tolist(),
         "prony_times_s": fit.times_s.tolist(),
         "equilibrium_share": fit.equilibrium_share,
-        "equilibrium_share_interval_95": fit.equilibrium_interval,
+        "equilibrium_share_interval_95": list(fit.equilibrium_interval),
         "instantaneous_stress_kPa": fit.instantaneous_stress * 1e3,
         "prony_rms": fit.prony_rms,
         "power_exponent": fit.power_exponent,
-        "power_exponent_interval_95": fit.power_exponent_interval,
+        "power_exponent_interval_95": list(fit.power_exponent_interval),
         "power_rms": fit.power_rms,
         "better": fit.better,
     }
@@ -104,7 +104,7 @@ def _mean_relaxation(kind: str, held: list[tuple[MaterialTest, Relaxation]]) -> 
         "time_s": [begin, end],
         "deviation": mean.deviation,
         "drop_of_an_ideal_step": step.value,  # reaches back to the step by the Prony series
-        "drop_of_an_ideal_step_interval_95": step.interval,
+        "drop_of_an_ideal_step_interval_95": list(step.interval),
     }
     size = mean.value, mean.interval, BETWEEN_SAMPLES, "1"
     return MeasuredEffect(*what, *size, verdict, sentence, tuple(t.sample for t, _ in held), parameters)
