@@ -4,79 +4,51 @@ from __future__ import annotations
 
 import re
 
-# unit -> (quantity, factor, offset): value * factor + offset. Factors are exact by definition (NIST SP 811, 2008).
-UNITS: dict[str, tuple[str, float, float]] = {
-    "1": ("number", 1.0, 0.0),
-    "%": ("number", 1e-2, 0.0),
-    "mm": ("length", 1.0, 0.0),
-    "cm": ("length", 10.0, 0.0),
-    "um": ("length", 1e-3, 0.0),
-    "nm": ("length", 1e-6, 0.0),
-    "m": ("length", 1e3, 0.0),
-    "in": ("length", 25.4, 0.0),
-    "N": ("force", 1.0, 0.0),
-    "kN": ("force", 1e3, 0.0),
-    "mN": ("force", 1e-3, 0.0),
-    "uN": ("force", 1e-6, 0.0),
-    "nN": ("force", 1e-9, 0.0),
-    "gf": ("force", 9.80665e-3, 0.0),
-    "kgf": ("force", 9.80665, 0.0),
-    "lbf": ("force", 4.4482216152605, 0.0),
-    "MPa": ("pressure", 1.0, 0.0),
-    "kPa": ("pressure", 1e-3, 0.0),
-    "Pa": ("pressure", 1e-6, 0.0),
-    "bar": ("pressure", 0.1, 0.0),
-    "mbar": ("pressure", 1e-4, 0.0),
-    "psi": ("pressure", 4.4482216152605 / 25.4**2, 0.0),
-    "kgf/cm2": ("pressure", 9.80665e-2, 0.0),
-    "s": ("time", 1.0, 0.0),
-    "ms": ("time", 1e-3, 0.0),
-    "us": ("time", 1e-6, 0.0),
-    "ns": ("time", 1e-9, 0.0),
-    "min": ("time", 60.0, 0.0),
-    "h": ("time", 3600.0, 0.0),
-    "h:mm:ss": ("time", 1.0, 0.0),  # a text, read as seconds
-    "1/s": ("rate", 1.0, 0.0),
-    "%/s": ("rate", 1e-2, 0.0),
-    "degC": ("temperature", 1.0, 0.0),
-    "degF": ("temperature", 5 / 9, -160 / 9),
-    "K": ("temperature", 1.0, -273.15),
+POUND_N = 4.4482216152605  # 0.45359237 kg at 9.80665 m/s^2 (NIST SP 811, 2008)
+# quantity -> unit -> factor. Factors are exact by definition (NIST SP 811, 2008).
+FACTORS = {
+    "number": {"1": 1.0, "%": 1e-2},
+    "length": {"mm": 1.0, "cm": 10.0, "um": 1e-3, "nm": 1e-6, "m": 1e3, "in": 25.4},
+    "force": {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "nN": 1e-9, "gf": 9.80665e-3, "kgf": 9.80665, "lbf": POUND_N},
+    "pressure": {
+        "MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6, "bar": 0.1, "mbar": 1e-4, "psi": POUND_N / 25.4**2, "kgf/cm2": 9.80665e-2,
+    },
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "h:mm:ss": 1.0},  # text, read as s
+    "rate": {"1/s": 1.0, "%/s": 1e-2},
+    "temperature": {"degC": 1.0, "degF": 5 / 9, "K": 1.0},
+}  # fmt: skip
+OFFSETS = {"degF": -160 / 9, "K": -273.15}  # of degC (NIST SP 811, 2008)
+# unit -> (quantity, factor, offset): value * factor + offset
+UNITS = {
+    unit: (quantity, factor, OFFSETS.get(unit, 0.0))
+    for quantity, units in FACTORS.items()
+    for unit, factor in units.items()
 }
 # other spellings that machines and people use; exact, as mN and MN differ by their case
 SPELLINGS = {
-    "-": "1",
-    "mm/mm": "1",
-    "percent": "%",
-    "pct": "%",
-    "micron": "um",
-    "inch": "in",
-    "g": "gf",
-    "kg": "kgf",
-    "kp": "kgf",
-    "lb": "lbf",
-    "lbs": "lbf",
-    "KPa": "kPa",
-    "Mpa": "MPa",
-    "N/mm2": "MPa",
-    "kN/m2": "kPa",
-    "N/m2": "Pa",
-    "lbf/in2": "psi",
-    "kg/cm2": "kgf/cm2",
-    "sec": "s",
-    "Sec": "s",
-    "seconds": "s",
-    "hh:mm:ss": "h:mm:ss",
-    "m:ss": "h:mm:ss",
-    "mm:ss": "h:mm:ss",
-    "msec": "ms",
-    "hr": "h",
-    "/s": "1/s",
-    "s-1": "1/s",
-    "percent/s": "%/s",
-    "C": "degC",
-    "°C": "degC",
-    "°F": "degF",
+    "1": "- mm/mm",
+    "%": "percent pct",
+    "um": "micron",
+    "in": "inch",
+    "gf": "g",
+    "kgf": "kg kp",
+    "lbf": "lb lbs",
+    "MPa": "Mpa N/mm2",
+    "kPa": "KPa kN/m2",
+    "Pa": "N/m2",
+    "psi": "lbf/in2",
+    "kgf/cm2": "kg/cm2",
+    "s": "sec Sec seconds",
+    "ms": "msec",
+    "h": "hr",
+    "h:mm:ss": "hh:mm:ss m:ss mm:ss",
+    "1/s": "/s s-1",
+    "%/s": "percent/s",
+    "degC": "C °C",
+    "degF": "°F",
 }
+UNIT_OF = {spelling: unit for unit, spellings in SPELLINGS.items() for spelling in spellings.split()}
+UNIT_AT_END = re.compile(r"[\[({]\s*([^\[\](){}]+?)\s*[\])}]\s*$|_([A-Za-z]{1,3})$|(?: /| in|,) ?(\S+)\s*$")
 BRACKETS = {"(": ")", "[": "]", "{": "}"}
 
 
@@ -101,7 +73,7 @@ def unit_named(text: str) -> str | None:
     text = _bare(text)
     for sign, plain in (("µ", "u"), ("μ", "u"), ("²", "2"), ("^", ""), ("⁻¹", "-1")):
         text = text.replace(sign, plain)
-    unit = SPELLINGS.get(text, text)
+    unit = UNIT_OF.get(text, text)
     return unit if unit in UNITS else None
 
 
@@ -142,9 +114,7 @@ def unit_in_header(column: str) -> str | None:
     str or None
         A key of UNITS; None where it names none.
     """
-    match = re.search(
-        r"[\[({]\s*([^\[\](){}]+?)\s*[\])}]\s*$|_([A-Za-z]{1,3})$|(?: /| in|,) ?(\S+)\s*$", column
-    )
+    match = UNIT_AT_END.search(column)
     return unit_named(next(filter(None, match.groups()))) if match else None
 
 

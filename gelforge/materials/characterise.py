@@ -34,14 +34,7 @@ from gelforge.materials.readers.material_source import MaterialSource, source_of
 from gelforge.mechanics.laws.law import PrincipalLaw
 from gelforge.mechanics.laws.parameters import GivenParameters
 
-CURVE_COLUMNS = [
-    "test",
-    "sample",
-    "stretch",
-    "cauchy_stress_kPa",
-    "nominal_stress_kPa",
-    "model_nominal_stress_kPa",
-]
+CURVE_COLUMNS = "test sample stretch cauchy_stress_kPa nominal_stress_kPa model_nominal_stress_kPa".split()
 MEAN = "mean"  # the sample name of the averaged curve
 NOTHING_MEASURED = "the constitutive model was given, or read from a file; no test was fitted"
 
@@ -70,9 +63,8 @@ class Characterised:
             ]
         lines += [f"  ! {text}" for text in (*warnings, *self.notes)]
         lines += [f"  {e.effect}, {e.test}: {e.sentence}" for e in self.effects.effects]
-        return "\n".join(
-            [*lines, *(f"  {effect}: not judged, {why}" for effect, why in self.effects.not_judged)]
-        )
+        lines += [f"  {effect}: not judged, {why}" for effect, why in self.effects.not_judged]
+        return "\n".join(lines)
 
 
 def characterise(name: str, material: Material, folder: Path, study: str = "") -> None:
@@ -300,10 +292,10 @@ def with_bootstrap(
     # the seed: the same files give the same intervals
     drawn = bootstrap_samples(curves, fit, replicates, 20191113, workers)
     moduli = np.array([fit.family.law(theta).youngs_modulus * 1e3 for theta in drawn.theta])
-    quantities = dict(zip((n.removesuffix("_kPa") for n in fit.family.parameters), drawn.parameters.T)) | {
-        "E": moduli
+    names = [name.removesuffix("_kPa") for name in fit.family.parameters]
+    ends = {
+        name: drawn.interval(values) for name, values in zip([*names, "E"], [*drawn.parameters.T, moduli])
     }
-    ends = {name: drawn.interval(values) for name, values in quantities.items()}
     mine = table.law == fit.family.name
     for column, end in (("low_95_bootstrap", 0), ("high_95_bootstrap", 1)):
         table[column] = [ends[q][end] if m and q in ends else np.nan for q, m in zip(table.quantity, mine)]
@@ -325,11 +317,9 @@ def _write_laws(
     for candidate in (c for c in comparison.candidates if c.fit):
         chosen = candidate is comparison.chosen
         path = folder / ("law.json" if chosen else f"laws/{candidate.name}.json")
-        kept = (
-            (*comparison.fallback, *notes, *comparison.misfit, *comparison.identifiability)
-            if chosen
-            else notes
-        )
+        kept = notes
+        if chosen:
+            kept = [*comparison.fallback, *notes, *comparison.misfit, *comparison.identifiability]
         law = material_law(source.name, candidate.fitted, inputs, source.synthetic, kept)
         write_law(path, replace(law, study=source.study))
         others += [] if chosen else [path]

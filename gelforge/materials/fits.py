@@ -9,6 +9,7 @@ import numpy as np
 from gelforge.config import Fitting
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.measured_effects import MeasuredEffects
+from gelforge.materials.basis.statistics import grouped
 from gelforge.materials.covariates.circumstances import circumstance_effects
 from gelforge.materials.covariates.effects import CIRCUMSTANCES
 from gelforge.materials.covariates.history_effects import cycle_effects, lateral_effects, relaxation_effects
@@ -79,10 +80,8 @@ def fits_of(source: MaterialSource, fitting: Fitting, law_needed: bool = True) -
 def measured_effects(source: MaterialSource) -> MeasuredEffects:
     """Return what the tests of a material say about each effect, and why others could not be judged."""
     tests, measured, not_judged = list(source.tests), [], []
-    judged = []
-    if tests:
-        of_tests = (circumstance_effects, relaxation_effects, cycle_effects, lateral_effects)
-        judged = [judge(tests) for judge in of_tests]
+    of_tests = (circumstance_effects, relaxation_effects, cycle_effects, lateral_effects)
+    judged = [judge(tests) for judge in of_tests] if tests else []
     for effects, reasons in [*judged, small_effects(source.small)]:
         measured += effects
         not_judged += reasons
@@ -91,11 +90,8 @@ def measured_effects(source: MaterialSource) -> MeasuredEffects:
 
 def _gathered(notes: list[str]) -> list[str]:
     """Return notes ("test sample: text") with those of one text made into one."""
-    about: dict[str, list[str]] = {}
-    for note in notes:
-        name, _, text = note.partition(": ")
-        about.setdefault(text, []).append(name)
-    return [f"{', '.join(names)}: {text}" for text, names in about.items()]
+    parts = (note.partition(": ") for note in notes)
+    return [f"{', '.join(names)}: {text}" for text, names in grouped((p[2], p[0]) for p in parts).items()]
 
 
 def _cut_short(tests: list[MaterialTest], curves: list[MeanCurve]) -> list[str]:
@@ -104,10 +100,8 @@ def _cut_short(tests: list[MaterialTest], curves: list[MeanCurve]) -> list[str]:
     for curve in (c for c in curves if c.component == "1" and c.test != "biaxial"):
         same_test = [t for t in tests if t.test == curve.test]
         rest = same_test[0].at_rest
-        reached, fitted = (
-            max(np.abs(x - rest).max() for x in xs)
-            for xs in ([t.stretch for t in same_test], [curve.stretch])
-        )
+        reached = max(np.abs(t.stretch - rest).max() for t in same_test)
+        fitted = np.abs(curve.stretch - rest).max()
         if fitted < FITTED_SHARE * reached:
             low, high = curve.stretch[[0, -1]]
             said.append(

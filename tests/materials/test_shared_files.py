@@ -11,12 +11,13 @@ from shared_data import MAPPINGS, SHARED, files_of, needs_shared
 from gelforge.config.foreign.mapping import load_mapping
 from gelforge.csv_table import TableError
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest, MaterialTest
+from gelforge.materials.basis.statistics import grouped
 from gelforge.materials.covariates.effects import RATE, effect_of, first_loading, scatter_between
 from gelforge.materials.covariates.hysteresis import loops
 from gelforge.materials.covariates.relaxation import relaxation_of
 from gelforge.materials.readers.mapped_files import read_mapped, read_mapped_folder
 from gelforge.materials.small_tests.microindentation import adhesion, fit_modulus
-from gelforge.materials.small_tests.trials import by_place, gain_mismatch, pressed_pairs
+from gelforge.materials.small_tests.trials import gain_mismatch, pressed_pairs
 
 pytestmark = needs_shared
 
@@ -343,14 +344,14 @@ def test_nitrile_hysteresis_and_holds():
 
 def test_gain_mismatch_of_the_load_cells_depends_on_the_place():
     pair = all_in("two_loadcells")[0]
-    gain, gains = gain_mismatch(pair), by_place([(p.place, p.gain) for p in pressed_pairs(pair)])
+    gain, gains = gain_mismatch(pair), grouped((p.place, p.gain) for p in pressed_pairs(pair))
     assert gain.count == 5 and {len(v) for v in gains.values()} == {5}  # five places, each pressed five times
     # slopes of a spreadsheet, place by place (whole presses, both forces measured): mean -1.3 %
     assert gain.value == pytest.approx(-0.013, abs=0.002)
     assert gain.interval[0] < -0.024 < gain.interval[1]  # the README's 2.4 % is within what five places tell
     # it is the gain at the one place whose force passes both cells: no offset under load, readings closest to a line
     assert np.mean(gains["69"]) == pytest.approx(-0.025, abs=0.002)
-    offsets = by_place([(p.place, abs(p.offset_N)) for p in pressed_pairs(pair)])
+    offsets = grouped((p.place, abs(p.offset_N)) for p in pressed_pairs(pair))
     assert (
         min(offsets, key=lambda place: np.mean(offsets[place])) == "69" and max(offsets["69"]) < 0.1
     )  # [N] of 18

@@ -60,9 +60,8 @@ class MaterialTest:
     rate_per_s: float | None = None  # stretch (or shear) rate while loading
     age_days: float | None = None
     temperature_C: float | None = None
-    dose: float | None = (
-        None  # treatments before the test, e.g. irradiations, in the unit of whoever counted them
-    )
+    # treatments before the test, e.g. irradiations, in the unit of whoever counted them
+    dose: float | None = None
     cycle: int | None = None
     segments: tuple[Segment, ...] = ()
     findings: tuple[str, ...] = ()  # what is missing or odd, and what was corrected because it was asked for
@@ -88,8 +87,7 @@ class MaterialTest:
     def part(self, rows) -> MaterialTest:
         """Return the test with only some of its rows (slice, mask or indices); segments are dropped."""
         arrays = ("stretch", "nominal_stress", "time_s", "stretch_2", "nominal_stress_2", "cauchy_difference")
-        chosen = {name: getattr(self, name)[rows] for name in arrays if getattr(self, name) is not None}
-        return replace(self, **chosen, segments=())
+        return replace(self, **_chosen(self, arrays, rows), segments=())
 
     def of_kind(self, kind: str, cycle: int | None = None) -> list[MaterialTest]:
         """Return the parts that load, unload or hold, of one cycle or of all; a hold's rate is 0."""
@@ -138,15 +136,14 @@ class IndentationTest:
             raise ValueError(
                 f"{self.source} {self.sample}: its segments have no names; {name!r} was asked for"
             )
-        rows = self.segment == name
-        time = None if self.time_s is None else self.time_s[rows]
         return replace(
-            self,
-            position_mm=self.position_mm[rows],
-            force_N=self.force_N[rows],
-            time_s=time,
-            segment=self.segment[rows],
+            self, **_chosen(self, ("position_mm", "force_N", "time_s", "segment"), self.segment == name)
         )
+
+
+def _chosen(test, arrays: tuple[str, ...], rows) -> dict[str, np.ndarray]:
+    """Return rows of those arrays of a test that it has, by name."""
+    return {name: getattr(test, name)[rows] for name in arrays if getattr(test, name) is not None}
 
 
 @dataclass(frozen=True)

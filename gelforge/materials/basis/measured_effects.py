@@ -6,7 +6,7 @@ could not be judged is named with its reason: no test of it is no proof of its a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import pandas as pd
 
@@ -27,18 +27,8 @@ INFORMS = {
     "sheet_thickness": ("layer_thickness",),
     "load_cell_gain": ("force_gain",),
 }
-COLUMNS = [
-    "effect",
-    "test",
-    "quantity",
-    "value",
-    "low_95",
-    "high_95",
-    "unit",
-    "verdict",
-    "interval_from",
-    "sentence",
-]
+FORMAT = "gelforge-effects-1"
+COLUMNS = "effect test quantity value low_95 high_95 unit verdict interval_from sentence".split()
 
 
 @dataclass(frozen=True)
@@ -73,23 +63,7 @@ class MeasuredEffects:
             "material": self.material,
             "synthetic": synthetic,
             "inputs_digest": inputs_digest,
-            "effects": [
-                {
-                    "effect": e.effect,
-                    "informs": list(INFORMS[e.effect]),
-                    "test": e.test,
-                    "quantity": e.quantity,
-                    "value": e.value,
-                    "interval_95": None if e.interval is None else list(e.interval),
-                    "interval_from": e.interval_from,
-                    "unit": e.unit,
-                    "verdict": e.verdict,
-                    "sentence": e.sentence,
-                    "samples": list(e.samples),
-                    "parameters": e.parameters,
-                }
-                for e in self.effects
-            ],
+            "effects": [_entry(effect) for effect in self.effects],
             "not_judged": [{"effect": effect, "reason": reason} for effect, reason in self.not_judged],
         }
 
@@ -102,10 +76,13 @@ class MeasuredEffects:
             for e in self.effects
         ]  # fmt: skip
         rows += [
-            (effect, "", "", nan, nan, nan, "", "not judged", "", reason)
-            for effect, reason in self.not_judged
+            (effect, "", "", nan, nan, nan, "", "not judged", "", why) for effect, why in self.not_judged
         ]
         return pd.DataFrame(rows, columns=COLUMNS)
 
 
-FORMAT = "gelforge-effects-1"
+def _entry(effect: MeasuredEffect) -> dict:
+    """Return an entry of effects.json."""
+    values = asdict(effect)
+    interval = values.pop("interval")
+    return values | {"interval_95": interval, "informs": INFORMS[effect.effect]}

@@ -6,6 +6,9 @@ and Peucker 1973); its pieces are then loadings, unloadings or holds. Noise belo
 
 from __future__ import annotations
 
+from itertools import groupby
+from operator import itemgetter
+
 import numpy as np
 
 from gelforge.materials.basis.common_form import Segment
@@ -29,24 +32,23 @@ LEAST_REVERSAL = 3
 
 def first_reversal(stretch: np.ndarray, tolerance: float = TOLERANCE) -> int | None:
     """Return the first row that falls back by more than the tolerance times the range, None if none does."""
-    loading = np.sign(stretch[np.argmax(np.abs(stretch - stretch[0]))] - stretch[0])  # -1 in compression
-    furthest = np.maximum.accumulate(loading * stretch)
-    back = furthest - loading * stretch > tolerance * np.ptp(stretch)
+    back = _behind(stretch) > tolerance * np.ptp(stretch)
     return int(np.argmax(back)) if back.any() else None
 
 
 def largest_back_step(stretch: np.ndarray) -> float:
     """Return the largest fall behind the furthest stretch so far, as a share of the range; 0 if none."""
-    loading = np.sign(stretch[np.argmax(np.abs(stretch - stretch[0]))] - stretch[0])
-    furthest = np.maximum.accumulate(loading * stretch)
-    return float(np.max(furthest - loading * stretch) / max(np.ptp(stretch), 1e-12))
+    return float(np.max(_behind(stretch)) / max(np.ptp(stretch), 1e-12))
+
+
+def _behind(stretch: np.ndarray) -> np.ndarray:
+    """Return how far each row (n,) is behind the furthest stretch so far."""
+    loading = np.sign(stretch[np.argmax(np.abs(stretch - stretch[0]))] - stretch[0])  # -1 in compression
+    return np.maximum.accumulate(loading * stretch) - loading * stretch
 
 
 def find_segments(
-    stretch: np.ndarray,
-    time_s: np.ndarray | None,
-    at_rest: float = 1.0,
-    tolerance: float = TOLERANCE,
+    stretch: np.ndarray, time_s: np.ndarray | None, at_rest: float = 1.0, tolerance: float = TOLERANCE
 ) -> tuple[Segment, ...]:
     """Return the loads, unloads and holds of a test in their order.
 
@@ -107,13 +109,9 @@ def _classified(time, outward, corners, margin, timed) -> list[tuple[int, int, i
 
 
 def _merged(pieces: list[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
-    merged: list[tuple[int, int, int]] = []
-    for direction, a, b in pieces:
-        if merged and merged[-1][0] == direction:
-            merged[-1] = (direction, merged[-1][1], b)
-        else:
-            merged.append((direction, a, b))
-    return merged
+    """Return pieces with neighbours of one direction made into one."""
+    alike = (list(group) for _, group in groupby(pieces, key=itemgetter(0)))
+    return [(group[0][0], group[0][1], group[-1][2]) for group in alike]
 
 
 def _without_glitches(pieces, outward, least: float) -> list[tuple[int, int, int]]:
@@ -121,10 +119,8 @@ def _without_glitches(pieces, outward, least: float) -> list[tuple[int, int, int
     while True:
         ways = [abs(outward[b] - outward[a]) if d else np.inf for d, a, b in pieces]
         k = int(np.argmin(ways))
-        neighbours = [
-            j for j in (k - 1, k + 1) if 0 <= j < len(pieces) and pieces[j][0] == -pieces[k][0] != 0
-        ]
-        if ways[k] >= least or not neighbours:
+        around = [*pieces[max(k - 1, 0) : k], *pieces[k + 1 : k + 2]]
+        if ways[k] >= least or not any(direction == -pieces[k][0] != 0 for direction, _, _ in around):
             return pieces
         pieces = _merged([*pieces[:k], (-pieces[k][0], *pieces[k][1:]), *pieces[k + 1 :]])
 

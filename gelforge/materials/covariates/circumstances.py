@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.measured_effects import MeasuredEffect
+from gelforge.materials.basis.statistics import CONFIDENCE, grouped
 from gelforge.materials.covariates.effects import (
     CIRCUMSTANCES,
-    CONFIDENCE,
     Circumstance,
     Effect,
     Scatter,
@@ -32,8 +34,7 @@ def circumstance_effects(tests: list[MaterialTest]) -> tuple[list[MeasuredEffect
         first_loadings = [t for t in tests if t.test == kind and t.cycle in (None, 1) and _loads(t)]
         for ramps in (False, True):
             group = [t for t in first_loadings if (t.history == "relaxation") == ramps]
-            keys = _keys(group)
-            repeats = _repeats(group)
+            keys, repeats = _keys(group), _repeats(group)
             for number, circumstance in enumerate(CIRCUMSTANCES):
                 new, reasons = _judged(group, keys, number, circumstance, repeats)
                 effects += new
@@ -52,25 +53,24 @@ def relaxation_by_circumstance(tests: list[MaterialTest], fits: list[Relaxation]
     """
     effects = []
     for kind in dict.fromkeys(t.test for t in tests):
-        chosen = [i for i, t in enumerate(tests) if t.test == kind]
-        group = [tests[i] for i in chosen]
-        keys = [(*key, level) for key, level in zip(_keys(group), _held_levels([fits[i] for i in chosen]))]
+        of_kind = [(test, fit) for test, fit in zip(tests, fits) if test.test == kind]
+        held_levels = _held_levels([fit for _, fit in of_kind])
+        keys = [(*key, level) for key, level in zip(_keys([test for test, _ in of_kind]), held_levels)]
         for number, circumstance in enumerate(CIRCUMSTANCES[1:], start=1):
             for members in _groups(keys, number):
-                members_of_group, held = [group[i] for i in members], [fits[chosen[i]] for i in members]
+                group, held = zip(*(of_kind[i] for i in members))
                 begin, end = common_hold(held)
                 y = np.log([1 - fit.drop_between(begin, end) for fit in held])
-                values = np.array([circumstance.of(test) for test in members_of_group])
+                values = np.array([circumstance.of(test) for test in group])
                 level = float(np.median([fit.stretch for fit in held]))
                 share_left = f"share of stress left from {begin:.3g} to {end:.3g} s of hold"
-                effect = line_effect(
-                    circumstance, values, y, (level, level), members_of_group[0].abscissa, quantity=share_left
-                )
-                effects.append(_measured(circumstance.effect, kind, effect, members_of_group))
+                stretch, abscissa = (level, level), group[0].abscissa
+                effect = line_effect(circumstance, values, y, stretch, abscissa, quantity=share_left)
+                effects.append(_measured(circumstance.effect, kind, effect, group))
     return effects
 
 
-def common_hold(held: list[Relaxation]) -> tuple[float, float]:
+def common_hold(held: Sequence[Relaxation]) -> tuple[float, float]:
     """Return the times [s] since the hold began that all holds contain."""
     return max(fit.hold_s[0] for fit in held), min(fit.hold_s[1] for fit in held)
 
@@ -88,20 +88,14 @@ def alike_groups(tests: list[MaterialTest]) -> list[list[MaterialTest]]:
     list of list of MaterialTest
         Every test is in one group.
     """
-    return _grouped(tests, [(test.test, *key) for test, key in zip(tests, _keys(tests))])
+    return list(grouped(((test.test, *key), test) for test, key in zip(tests, _keys(tests))).values())
 
 
 def alike_holds(held: list[tuple[MaterialTest, Relaxation]]) -> list[list[tuple[MaterialTest, Relaxation]]]:
     """Return the holds of one kind of test in groups that are equal in every circumstance and in the held strain."""
-    tests, levels = [test for test, _ in held], _held_levels([fit for _, fit in held])
-    return _grouped(held, [(test.test, *key, level) for test, key, level in zip(tests, _keys(tests), levels)])
-
-
-def _grouped(items: list, keys: list[tuple]) -> list[list]:
-    groups: dict[tuple, list] = {}
-    for item, key in zip(items, keys):
-        groups.setdefault(key, []).append(item)
-    return list(groups.values())
+    keys, levels = _keys([test for test, _ in held]), _held_levels([fit for _, fit in held])
+    of_each = (((one[0].test, *key, level), one) for one, key, level in zip(held, keys, levels))
+    return list(grouped(of_each).values())
 
 
 def _held_levels(held: list[Relaxation]) -> list[int]:
@@ -134,10 +128,8 @@ def _keys(tests: list[MaterialTest]) -> list[tuple]:
 
 def _groups(keys: list[tuple], number: int) -> list[list[int]]:
     """Return the tests that are equal but in circumstance `number`, where it takes two values at least."""
-    groups: dict[tuple, list[int]] = {}
-    for i, key in enumerate(keys):
-        if key[number] is not None:
-            groups.setdefault((*key[:number], *key[number + 1 :]), []).append(i)
+    known = ((i, key) for i, key in enumerate(keys) if key[number] is not None)
+    groups = grouped(((*key[:number], *key[number + 1 :]), i) for i, key in known)
     return [members for members in groups.values() if len({keys[i][number] for i in members}) > 1]
 
 
@@ -151,45 +143,34 @@ def _repeats(tests: list[MaterialTest]) -> Scatter | None:
 def _judged(tests, keys, number, circumstance, repeats) -> tuple[list[MeasuredEffect], list[str]]:
     effects, reasons = [], []
     for members in _groups(keys, number):
-        members_of_group = [tests[i] for i in members]
+        group = [tests[i] for i in members]
         try:
-            effect = effect_of(circumstance, members_of_group, repeats)
+            effect = effect_of(circumstance, group, repeats)
         except ValueError as error:
             reasons.append(str(error))
-            continue
-        effects.append(_measured(circumstance.effect, members_of_group[0].test, effect, members_of_group))
+        else:
+            effects.append(_measured(circumstance.effect, group[0].test, effect, group))
     if not effects and not reasons and len({key[number] for key in keys} - {None}) > 1:
         reasons.append(f"{circumstance.word} changes only together with other covariates; test one at a time")
     return effects, reasons
 
 
-def _measured(name: str, kind: str, effect: Effect, tests: list[MaterialTest]) -> MeasuredEffect:
-    slope = None if effect.slope_interval is None else list(effect.slope_interval)
-    source = (
-        f"Student's t, {CONFIDENCE:.0%}, scatter between specimens" if effect.interval else "none: no repeats"
-    )
-    return MeasuredEffect(
-        name,
-        kind,
-        f"relative change of the {effect.quantity}",
-        effect.change,
-        effect.interval,
-        source,
-        "1",
-        effect.verdict,
-        effect.sentence,
-        tuple(t.sample for t in tests),
-        {
-            "span": list(effect.span),
-            "span_unit": effect.circumstance.unit,
-            "slope": effect.slope,
-            "slope_per": effect.circumstance.per,
-            "slope_interval_95": slope,
-            "stretch": list(effect.stretch),
-            "change_at_smallest_and_largest_strain": None if effect.at_ends is None else list(effect.at_ends),
-            "scatter_to_explain": effect.scatter_to_explain,
-        },
-    )
+def _measured(name: str, kind: str, effect: Effect, tests: Sequence[MaterialTest]) -> MeasuredEffect:
+    by_scatter = f"Student's t, {CONFIDENCE:.0%}, scatter between specimens"
+    source = by_scatter if effect.interval else "none: no repeats"
+    parameters = {
+        "span": list(effect.span),
+        "span_unit": effect.circumstance.unit,
+        "slope": effect.slope,
+        "slope_per": effect.circumstance.per,
+        "slope_interval_95": effect.slope_interval and list(effect.slope_interval),
+        "stretch": list(effect.stretch),
+        "change_at_smallest_and_largest_strain": effect.at_ends and list(effect.at_ends),
+        "scatter_to_explain": effect.scatter_to_explain,
+    }
+    quantity, samples = f"relative change of the {effect.quantity}", tuple(t.sample for t in tests)
+    size = effect.change, effect.interval, source, "1"
+    return MeasuredEffect(name, kind, quantity, *size, effect.verdict, effect.sentence, samples, parameters)
 
 
 def _why_not(circumstance: Circumstance, tests: list[MaterialTest]) -> str:

@@ -12,19 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 from scipy import stats
 
 from gelforge.materials.basis.common_form import MaterialTest
+from gelforge.materials.basis.statistics import CONFIDENCE
 
 # Known effects are found and named (tests/materials/test_measured_effects.py):
-NOTABLE_TURN = (
-    0.1  # of ln stress between both ends of the comparison: the curves differ in shape, not by a factor
-)
+# of ln stress between both ends of the comparison: the curves differ in shape, not by a factor
+NOTABLE_TURN = 0.1
 NEGLIGIBLE = 0.05  # relative change of stress over the tested span; samples of one sheet scatter by as much
 UNLIKELY_SCATTER = 2 * NEGLIGIBLE  # of samples made in the same way: what needs more is no chance
-CONFIDENCE = 0.95  # of every interval of a material, as percentile_interval has 95 %
 LOW_STRAIN_SHARE = 0.2  # of the common range: there the stress is small and its offset counts
 
 
@@ -48,9 +48,10 @@ class Circumstance:
         return float(value)
 
 
+# rates within a factor of 1.4 are alike: 0.15 of log10
 RATE = Circumstance(
     "strain_rate", "rate_per_s", "strain rate", "1/s", "decade of strain rate", 0.15, np.log10
-)  # 0.15 of log10: within a factor of 1.4
+)
 AGE = Circumstance("age", "age_days", "age", "days", "day", 0.9)
 TEMPERATURE = Circumstance("temperature", "temperature_C", "temperature", "degC", "kelvin", 1.5)
 TREATMENT = Circumstance("treatment", "dose", "treatment", "doses", "dose", 1e-9)
@@ -72,9 +73,7 @@ class Effect:
     scatter_to_explain: float  # standard deviation of samples at which the change could be chance (1 in 20)
     abscissa: str = "stretch"
     quantity: str = "nominal stress"
-    at_ends: tuple[float, float] | None = (
-        None  # the change at the small and at the large strain of the comparison
-    )
+    at_ends: tuple[float, float] | None = None  # the change at the comparison's small and large strain
 
     @property
     def verdict(self) -> str:
@@ -85,9 +84,7 @@ class Effect:
         interval only what samples that scatter by UNLIKELY_SCATTER could not show by chance is significant.
         """
         if self.interval is None:
-            if self.scatter_to_explain <= UNLIKELY_SCATTER:
-                return "undecided"
-            return self._significant
+            return "undecided" if self.scatter_to_explain <= UNLIKELY_SCATTER else self._significant
         low, high = self.interval
         if -NEGLIGIBLE <= low and high <= NEGLIGIBLE:
             return "negligible"
@@ -108,11 +105,9 @@ class Effect:
         """Return the finding as a paper writes it, with its numbers and threshold."""
         begin, end = self.span
         low, high = self.stretch
-        where = (
-            f"between {self.abscissa} {low:.3g} and {high:.3g}"
-            if high > low
-            else f"at {self.abscissa} {low:.3g}"
-        )
+        where = f"at {self.abscissa} {low:.3g}"
+        if high > low:
+            where = f"between {self.abscissa} {low:.3g} and {high:.3g}"
         numbers = f"the {self.quantity} {where} changes by {self.change:+.1%}"
         if self.interval:
             numbers += f" (95 % interval {self.interval[0]:+.1%} to {self.interval[1]:+.1%})"
@@ -174,12 +169,8 @@ def first_loading(test: MaterialTest) -> MaterialTest:
     """Return the rows of the first loading, up to the first unloading; holds are left out."""
     if not test.segments:
         return test
-    rows: list[int] = []
-    for segment in test.segments:
-        if segment.kind == "unload":
-            break
-        if segment.kind == "load":
-            rows += range(segment.start, segment.stop)
+    before = takewhile(lambda segment: segment.kind != "unload", test.segments)
+    rows = [row for segment in before if segment.kind == "load" for row in range(segment.start, segment.stop)]
     if not rows:
         raise ValueError(f"{test.source} {test.sample}: no loading in the test; give one that loads")
     return test.part(np.unique(rows))

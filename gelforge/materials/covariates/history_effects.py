@@ -6,7 +6,7 @@ import numpy as np
 
 from gelforge.materials.basis.common_form import MaterialTest
 from gelforge.materials.basis.measured_effects import MeasuredEffect
-from gelforge.materials.basis.statistics import mean_of
+from gelforge.materials.basis.statistics import LEAST_SAMPLES, mean_of
 from gelforge.materials.covariates.circumstances import (
     alike_groups,
     alike_holds,
@@ -25,8 +25,6 @@ from gelforge.materials.covariates.hysteresis import (
 )
 from gelforge.materials.covariates.relaxation import ENDINGS, Relaxation, relaxation_of, relaxation_verdict
 
-# Whose scatter gives an interval that says something: Student's t (1908) of two is 12.7 at 95 %, of three 4.3.
-LEAST_SAMPLES = 3
 BETWEEN_SAMPLES = "Student's t, scatter between specimens"
 LEAST_LATERAL_STRAIN = 0.05  # of ln lam_1: below it noise decides the ratio
 
@@ -63,33 +61,26 @@ def _first_hold(test: MaterialTest) -> int:
 
 
 def _relaxation(test: MaterialTest, fit: Relaxation) -> MeasuredEffect:
-    return MeasuredEffect(
-        "relaxation",
-        test.test,
-        "share of stress lost during the hold",
-        fit.drop,
-        fit.drop_interval,
-        "bootstrap of the hold's residuals (one sample)",
-        "1",
-        fit.verdict,
-        f"{test.sample}: {fit.sentence}",
-        (test.sample,),
-        {
-            "stretch": fit.stretch,
-            "drop_of_every_hold": _drops(test),
-            "hold_s": list(fit.hold_s),
-            "prony_shares": fit.shares.tolist(),
-            "prony_times_s": fit.times_s.tolist(),
-            "equilibrium_share": fit.equilibrium_share,
-            "equilibrium_share_interval_95": list(fit.equilibrium_interval),
-            "instantaneous_stress_kPa": fit.instantaneous_stress * 1e3,
-            "prony_rms": fit.prony_rms,
-            "power_exponent": fit.power_exponent,
-            "power_exponent_interval_95": list(fit.power_exponent_interval),
-            "power_rms": fit.power_rms,
-            "better": fit.better,
-        },
-    )
+    what = "relaxation", test.test, "share of stress lost during the hold"
+    source = "bootstrap of the hold's residuals (one sample)"
+    parameters = {
+        "stretch": fit.stretch,
+        "drop_of_every_hold": _drops(test),
+        "hold_s": list(fit.hold_s),
+        "prony_shares": fit.shares.tolist(),
+        "prony_times_s": fit.times_s.tolist(),
+        "equilibrium_share": fit.equilibrium_share,
+        "equilibrium_share_interval_95": list(fit.equilibrium_interval),
+        "instantaneous_stress_kPa": fit.instantaneous_stress * 1e3,
+        "prony_rms": fit.prony_rms,
+        "power_exponent": fit.power_exponent,
+        "power_exponent_interval_95": list(fit.power_exponent_interval),
+        "power_rms": fit.power_rms,
+        "better": fit.better,
+    }
+    sentence = f"{test.sample}: {fit.sentence}"
+    size = fit.drop, fit.drop_interval, source, "1"
+    return MeasuredEffect(*what, *size, fit.verdict, sentence, (test.sample,), parameters)
 
 
 def _drops(test: MaterialTest) -> list[float]:
@@ -104,53 +95,41 @@ def _mean_relaxation(kind: str, held: list[tuple[MaterialTest, Relaxation]]) -> 
     step = mean_of([fit.drop_at(end) for _, fit in held])
     low, high = mean.interval
     verdict = relaxation_verdict(mean.interval)
-    ending = ENDINGS.get(verdict, verdict)
-    return MeasuredEffect(
-        "relaxation",
-        kind,
-        "share of stress lost within the time that all holds share, mean of samples",
-        mean.value,
-        mean.interval,
-        BETWEEN_SAMPLES,
-        "1",
-        verdict,
+    sentence = (
         f"From {begin:.3g} to {end:.3g} s of the hold {len(held)} samples lose {mean.value:.1%} of their stress (95 %"
-        f" interval {low:.1%} to {high:.1%}): {ending}.",
-        tuple(t.sample for t, _ in held),
-        {
-            "time_s": [begin, end],
-            "deviation": mean.deviation,
-            "drop_of_an_ideal_step": step.value,  # reaches back to the step by the Prony series
-            "drop_of_an_ideal_step_interval_95": list(step.interval),
-        },
+        f" interval {low:.1%} to {high:.1%}): {ENDINGS.get(verdict, verdict)}."
     )
+    what = "relaxation", kind, "share of stress lost within the time that all holds share, mean of samples"
+    parameters = {
+        "time_s": [begin, end],
+        "deviation": mean.deviation,
+        "drop_of_an_ideal_step": step.value,  # reaches back to the step by the Prony series
+        "drop_of_an_ideal_step_interval_95": list(step.interval),
+    }
+    size = mean.value, mean.interval, BETWEEN_SAMPLES, "1"
+    return MeasuredEffect(*what, *size, verdict, sentence, tuple(t.sample for t, _ in held), parameters)
 
 
 def cycle_effects(tests: list[MaterialTest]) -> Found:
     """Return hysteresis of the first cycle, softening of the second and Ogden-Roxburgh's parameters, by kind of test."""
     effects, not_judged = [], []
     for group in alike_groups([t for t in tests if any(s.kind == "unload" for s in t.segments)]):
-        closed = [
-            (test, cycles[0]) for test in group if (cycles := loops(test)) and cycles[0].loading_work > 0
-        ]
+        firsts = [(test, cycles[0]) for test in group if (cycles := loops(test))]
+        closed = [(test, loop) for test, loop in firsts if loop.loading_work > 0]
         together = [closed] if len(closed) >= LEAST_SAMPLES else [[one] for one in closed]
         effects += [_hysteresis(group[0].test, first) for first in together]
     for kind in dict.fromkeys(t.test for t in tests):
         of_kind = [t for t in tests if t.test == kind]
         cycled = [t for t in of_kind if any(s.kind == "unload" for s in t.segments)]
-        changes, names, reasons = _softenings(of_kind, cycled)
-        not_judged += [("softening", reason) for reason in reasons]
+        changes, names, left_out = _softenings(of_kind, cycled)
+        not_judged += [("softening", reason) for reason in left_out]
         if changes:
             effects.append(_softening(kind, changes, names))
         if cycled and changes:  # one loop alone cannot distinguish damage from viscosity
             effects.append(_ogden_roxburgh(kind, cycled))
-    for effect, reason in (
-        ("hysteresis", "no unloading in the tests"),
-        ("softening", "no second loading of a sample"),
-    ):
-        if effect not in {e.effect for e in effects} | {e for e, _ in not_judged}:
-            not_judged.append((effect, reason))
-    return effects, not_judged
+    reasons = {"hysteresis": "no unloading in the tests", "softening": "no second loading of a sample"}
+    judged = {e.effect for e in effects} | {effect for effect, _ in not_judged}
+    return effects, not_judged + [(effect, why) for effect, why in reasons.items() if effect not in judged]
 
 
 def _hysteresis(kind: str, first: list[tuple[MaterialTest, Loop]]) -> MeasuredEffect:
@@ -162,16 +141,17 @@ def _hysteresis(kind: str, first: list[tuple[MaterialTest, Loop]]) -> MeasuredEf
         "largest_stretch_by_sample": {t.sample: loop.largest_stretch for t, loop in first},
         "residual_strain_mean": float(np.mean(residual)) if residual else None,
     }
-    quantity = "share of the first cycle's loading work that is lost"
+    what = "hysteresis", kind, "share of the first cycle's loading work that is lost"
     if len(first) == 1:
         loop = first[0][1]
         error = loop.quadrature_error
         verdict = "negligible" if abs(loop.lost_share) + error < NEGLIGIBLE else "significant hysteresis"
         interval = (loop.lost_share - error, loop.lost_share + error)
-        return MeasuredEffect(
-            "hysteresis", kind, quantity, loop.lost_share, interval, "spacing of the rows (one sample)", "1", verdict,
-            f"{names[0]}: {loop.sentence}", names, parameters,
-        )  # fmt: skip
+        size, sentence = (
+            (loop.lost_share, interval, "spacing of the rows (one sample)", "1"),
+            f"{names[0]}: {loop.sentence}",
+        )
+        return MeasuredEffect(*what, *size, verdict, sentence, names, parameters)
     mean = mean_of(shares)
     low, high = mean.interval
     verdict = "negligible" if high < NEGLIGIBLE else "significant hysteresis" if low > 0 else "undecided"
@@ -183,9 +163,8 @@ def _hysteresis(kind: str, first: list[tuple[MaterialTest, Loop]]) -> MeasuredEf
         f"The first cycle loses {mean.value:.1%} of the loading work (95 % interval {low:.1%} to {high:.1%},"
         f" {mean.count} samples): {ending}."
     )
-    return MeasuredEffect(
-        "hysteresis", kind, quantity, mean.value, mean.interval, BETWEEN_SAMPLES, "1", verdict, sentence, names, parameters
-    )  # fmt: skip
+    size = mean.value, mean.interval, BETWEEN_SAMPLES, "1"
+    return MeasuredEffect(*what, *size, verdict, sentence, names, parameters)
 
 
 def _softenings(of_kind: list[MaterialTest], cycled: list[MaterialTest]):
@@ -193,63 +172,45 @@ def _softenings(of_kind: list[MaterialTest], cycled: list[MaterialTest]):
 
     The two loadings are in one test, or in two files of one sample whose cycles are stated.
     """
+    both = [test for test in cycled if test.of_kind("load", 1) and test.of_kind("load", 2)]
+    pairs = [(test, test.of_kind("load", 2)[0]) for test in both]
+    monotonic = [t for t in of_kind if t.history == "monotonic"]
+    first = {t.sample: t for t in monotonic if t.cycle == 1}
+    pairs += [(first[t.sample], t) for t in monotonic if t.cycle == 2 and t.sample in first]
     changes, names, reasons = [], [], []
-    for test in cycled:
-        if not (test.of_kind("load", 1) and test.of_kind("load", 2)):
-            continue
+    for once, twice in pairs:
         try:
-            changes.append(softening_between(first_loading(test), test.of_kind("load", 2)[0]))
-            names.append(test.sample)
-        except ValueError as error:
-            reasons.append(str(error))
-    first = {t.sample: t for t in of_kind if t.cycle == 1 and t.history == "monotonic"}
-    for again in (t for t in of_kind if t.cycle == 2 and t.history == "monotonic" and t.sample in first):
-        try:
-            changes.append(softening_between(first_loading(first[again.sample]), first_loading(again)))
-            names.append(again.sample)
+            changes.append(softening_between(first_loading(once), first_loading(twice)))
+            names.append(twice.sample)
         except ValueError as error:
             reasons.append(str(error))
     return changes, tuple(names), reasons
 
 
 def _softening(kind: str, changes: list[float], names: tuple[str, ...]) -> MeasuredEffect:
+    what = "softening", kind, "relative change of the stress from the first to the second loading"
+    source = BETWEEN_SAMPLES if len(changes) > 1 else "none: one sample"
+    size = float(np.mean(changes)), softening_interval(changes), source, "1"
+    verdict, sentence = softening_verdict(changes), softening_sentence(changes)
     return MeasuredEffect(
-        "softening",
-        kind,
-        "relative change of the stress from the first to the second loading",
-        float(np.mean(changes)),
-        softening_interval(changes),
-        BETWEEN_SAMPLES if len(changes) > 1 else "none: one sample",
-        "1",
-        softening_verdict(changes),
-        softening_sentence(changes),
-        names,
-        {"change_by_sample": dict(zip(names, changes))},
+        *what, *size, verdict, sentence, names, {"change_by_sample": dict(zip(names, changes))}
     )
 
 
 def _ogden_roxburgh(kind: str, cycled: list[MaterialTest]) -> MeasuredEffect:
     fit = fit_ogden_roxburgh(cycled)
     error = float(fit.standard_error[0])
-    return MeasuredEffect(
-        "ogden_roxburgh",
-        kind,
-        "Ogden and Roxburgh's r",
-        fit.r,
-        (fit.r - 1.96 * error, fit.r + 1.96 * error),
-        "1.96 standard errors of the fit",
-        "1",
-        "determined" if fit.determined else "not determined",
-        fit.sentence,
-        tuple(t.sample for t in cycled),
-        {
-            "r": fit.r,
-            "m_kPa": fit.m_MPa * 1e3,
-            "beta": fit.beta,
-            "standard_error": [error, float(fit.standard_error[1]) * 1e3, float(fit.standard_error[2])],
-            "rms": fit.rms,
-        },
-    )
+    parameters = {
+        "r": fit.r,
+        "m_kPa": fit.m_MPa * 1e3,
+        "beta": fit.beta,
+        "standard_error": [error, float(fit.standard_error[1]) * 1e3, float(fit.standard_error[2])],
+        "rms": fit.rms,
+    }
+    what = "ogden_roxburgh", kind, "Ogden and Roxburgh's r"
+    size = fit.r, (fit.r - 1.96 * error, fit.r + 1.96 * error), "1.96 standard errors of the fit", "1"
+    verdict = "determined" if fit.determined else "not determined"
+    return MeasuredEffect(*what, *size, verdict, fit.sentence, tuple(t.sample for t in cycled), parameters)
 
 
 def lateral_effects(tests: list[MaterialTest]) -> Found:
@@ -257,40 +218,33 @@ def lateral_effects(tests: list[MaterialTest]) -> Found:
     effects, constant_volume = [], {"uniaxial": -0.5, "pure_shear": 0.0, "equibiaxial": 1.0}
     for kind, expected in constant_volume.items():
         slopes = {}
-        for test in (t for t in tests if t.test == kind):
-            if test.stretch_2 is None:
-                continue
+        for test in (t for t in tests if t.test == kind and t.stretch_2 is not None):
             e1, e2 = np.log(test.stretch), np.log(test.stretch_2)
             rows = np.isfinite(e2) & (np.abs(e1) > LEAST_LATERAL_STRAIN)
             if rows.sum() > 2:
                 slopes[test.sample] = float(e1[rows] @ e2[rows] / (e1[rows] @ e1[rows]))
-        if len(slopes) < LEAST_SAMPLES:
-            continue
-        mean = mean_of(list(slopes.values()))
-        low, high = mean.interval
-        verdict = "negligible" if max(abs(low - expected), abs(high - expected)) < NEGLIGIBLE else "undecided"
-        if not low <= expected <= high and verdict == "undecided":
-            verdict = "significant departure"
-        ending = {
-            "negligible": f"the departure from {expected:g} of constant volume is negligible (within {NEGLIGIBLE:g})",
-            "undecided": f"it is not decided whether it departs from {expected:g} of constant volume",
-        }.get(verdict, f"significant departure from {expected:g}: volume changes, or the test is not {kind}")
-        effects.append(
-            MeasuredEffect(
-                "lateral_contraction",
-                kind,
-                "tracked ln stretch_2 over ln stretch_1",
-                mean.value,
-                mean.interval,
-                BETWEEN_SAMPLES,
-                "1",
-                verdict,
-                f"The tracked lateral stretch follows ln lam_2 = {mean.value:.3f} ln lam_1 (95 % interval {low:.3f} to"
-                f" {high:.3f}, {mean.count} samples): {ending}.",
-                tuple(slopes),
-                {"constant_volume": expected, "slope_by_sample": slopes},
-            )
-        )
+        if len(slopes) >= LEAST_SAMPLES:
+            effects.append(_lateral(kind, slopes, expected))
     return effects, [] if effects else [
         ("lateral_contraction", f"stretch_2 is tracked in fewer than {LEAST_SAMPLES} samples")
     ]
+
+
+def _lateral(kind: str, slopes: dict[str, float], expected: float) -> MeasuredEffect:
+    mean = mean_of(list(slopes.values()))
+    low, high = mean.interval
+    verdict = "negligible" if max(abs(low - expected), abs(high - expected)) < NEGLIGIBLE else "undecided"
+    if not low <= expected <= high and verdict == "undecided":
+        verdict = "significant departure"
+    ending = {
+        "negligible": f"the departure from {expected:g} of constant volume is negligible (within {NEGLIGIBLE:g})",
+        "undecided": f"it is not decided whether it departs from {expected:g} of constant volume",
+    }.get(verdict, f"significant departure from {expected:g}: volume changes, or the test is not {kind}")
+    sentence = (
+        f"The tracked lateral stretch follows ln lam_2 = {mean.value:.3f} ln lam_1 (95 % interval {low:.3f} to"
+        f" {high:.3f}, {mean.count} samples): {ending}."
+    )
+    what = "lateral_contraction", kind, "tracked ln stretch_2 over ln stretch_1"
+    size = mean.value, mean.interval, BETWEEN_SAMPLES, "1"
+    parameters = {"constant_volume": expected, "slope_by_sample": slopes}
+    return MeasuredEffect(*what, *size, verdict, sentence, tuple(slopes), parameters)

@@ -12,6 +12,7 @@ a single loop cannot distinguish damage from viscosity, for that a reloading is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -43,11 +44,8 @@ class Loop:
             f" loading work (+- {self.quadrature_error:.1%} from the spacing of rows)"
             f"{', relaxation in its holds included' if self.held else ''}"
         )
-        left = (
-            ""
-            if self.residual_strain is None
-            else f"; {self.residual_strain:.1%} of strain are left at zero stress"
-        )
+        known = self.residual_strain is not None
+        left = f"; {self.residual_strain:.1%} of strain are left at zero stress" if known else ""
         if abs(self.lost_share) + self.quadrature_error < NEGLIGIBLE:
             return f"{text}: hysteresis is negligible (below {NEGLIGIBLE:.0%}){left}."
         return f"{text}: significant hysteresis{left}."
@@ -75,9 +73,7 @@ class OgdenRoxburgh:
             f"Ogden-Roxburgh softening r = {self.r:.3g}, m = {self.m_MPa * 1e3:.3g} kPa, beta = {self.beta:.3g} describes"
             f" unloading and reloading with an rms of {self.rms:.1%} of the largest stress"
         )
-        return (
-            f"{text}." if self.determined else f"{text}, but the data do not determine all three parameters."
-        )
+        return f"{text}{'' if self.determined else ', but the data do not determine all three parameters'}."
 
 
 def loops(test: MaterialTest) -> list[Loop]:
@@ -101,16 +97,9 @@ def _loop(test: MaterialTest, cycle: int) -> Loop | None:
     down, residual = _until_zero(strain[turn:], stress[turn:])
     loaded = np.trapezoid(stress[: turn + 1], strain[: turn + 1])
     lost = [_lost(strain, stress, turn, down, step) for step in (1, 2)]
-    return Loop(
-        cycle,
-        float(test.at_rest + away * strain[turn]),
-        float(loaded),
-        float(lost[0]),
-        float(abs(lost[0] - lost[1]) / 3),  # the trapezoid rule is of second order
-        residual,
-        test.abscissa,
-        any(s.kind == "hold" for s in segments),
-    )
+    error = float(abs(lost[0] - lost[1]) / 3)  # the trapezoid rule is of second order
+    largest, held = float(test.at_rest + away * strain[turn]), any(s.kind == "hold" for s in segments)
+    return Loop(cycle, largest, float(loaded), float(lost[0]), error, residual, test.abscissa, held)
 
 
 def _until_zero(strain, stress) -> tuple[int, float | None]:
@@ -194,9 +183,7 @@ def fit_ogden_roxburgh(tests: list[MaterialTest]) -> OgdenRoxburgh:
         r, m, beta = 1 + np.exp(theta[0]), energy * np.exp(theta[1]), np.exp(theta[2])
         return ((1 - lost_share(W, Wm, m, beta) / r) * P0 - P) / largest
 
-    starts = [
-        (np.log(r - 1), np.log(m), np.log(b)) for r in (1.5, 3.0) for m in (0.05, 0.5) for b in (0.05, 0.5)
-    ]
+    starts = np.log(list(product((0.5, 2.0), (0.05, 0.5), (0.05, 0.5))))  # r - 1, m over the energy, beta
     bounds = ([-7, -9, -9], [5, 3, 3])
     best = min((least_squares(residual, s, bounds=bounds) for s in starts), key=lambda fit: fit.cost)
     r, m, beta = 1 + np.exp(best.x[0]), energy * np.exp(best.x[1]), np.exp(best.x[2])
@@ -218,9 +205,5 @@ def _softened(test: MaterialTest):
     below = ~virgin & (strain > 0.05 * strain.max()) & (stress > 0)
     if not any(s.kind == "unload" for s in test.segments) or not below.any():
         return
-    yield (
-        np.interp(strain[below], s0, P0),
-        np.interp(strain[below], s0, W0),
-        np.interp(furthest[below], s0, W0),
-        stress[below],
-    )
+    x, reached = strain[below], furthest[below]
+    yield np.interp(x, s0, P0), np.interp(x, s0, W0), np.interp(reached, s0, W0), stress[below]

@@ -24,9 +24,8 @@ BINS_PER_DECADE = 15  # rows are averaged in equal bins of log time: late, dense
 # decade).
 TERMS_PER_DECADE = 2
 LEAST_POINTS = 8
-BIC_GAIN = (
-    10.0  # one more term must lower Schwarz' criterion by this much ("very strong", Kass and Raftery 1995)
-)
+# one more term must lower Schwarz' criterion by this much ("very strong", Kass and Raftery 1995)
+BIC_GAIN = 10.0
 # The level of an interval's end is then known to 1.6 %: sqrt(0.025 * 0.975 / 100) (Efron & Tibshirani 1993, ch. 19).
 BOOTSTRAPS = 100
 
@@ -78,8 +77,9 @@ class Relaxation:
         """Return the share of the stress at one time [s] of the hold that is gone at a later one, as measured."""
         self._check_within(end_s)
         if not begin_s >= self.hold_s[0]:
+            first = self.hold_s[0]
             raise ValueError(
-                f"{begin_s:g} s is before the hold's first row at {self.hold_s[0]:g} s; ask for a later time"
+                f"{begin_s:g} s is before the hold's first row at {first:g} s; ask for a later time"
             )
         return float(1 - self._stress(end_s) / self._stress(begin_s))
 
@@ -117,8 +117,7 @@ class Relaxation:
             return f"{text}: {ENDINGS[self.verdict]}."
         terms = f"{len(self.shares)} Prony term{'s' if len(self.shares) > 1 else ''}"
         return (
-            f"{text}: significant relaxation, {terms} (rms {self.prony_rms:.2%}) against a power law"
-            " of exponent"
+            f"{text}: significant relaxation, {terms} (rms {self.prony_rms:.2%}) against a power law of exponent"
             f" {self.power_exponent:.3f} (rms {self.power_rms:.2%}); the {self.better} describes it better."
         )
 
@@ -131,11 +130,9 @@ def relaxation_of(test: MaterialTest, hold: int = 0, seed: int = 0) -> Relaxatio
             f"{test.source} {test.sample}: no hold {hold + 1} with a time; give a relaxation test"
         )
     segment = test.segments[holds[hold]]
-    ramp = 0.0
-    start = test.time_s[segment.start]
+    ramp, start = 0.0, test.time_s[segment.start]
     if holds[hold] > 0:
-        before = test.segments[holds[hold] - 1]
-        ramp = float(start - test.time_s[before.start])
+        ramp = float(start - test.time_s[test.segments[holds[hold] - 1].start])
     rows = slice(segment.start + (1 if ramp else 0), segment.stop)
     time = test.time_s[rows] - (start if ramp else 0.0)
     direction = np.sign(np.median(test.nominal_stress[rows])) or 1.0
@@ -156,37 +153,24 @@ def fit_relaxation(time_s, nominal_stress, stretch: float = np.nan, ramp_s: floa
     power, log_fit = _power(time, stress)
     again = resampled(model, stress - model, BOOTSTRAPS, np.random.default_rng(seed))
     draws = np.array([_refitted(time, drawn, times, ramp_s) for drawn in again])
+    drop, equilibrium, exponent = (percentile_interval(values) for values in draws.T)
     P0 = amplitudes.sum()
     kept = amplitudes[1:] > 1e-6 * P0
+    prony_rms, power_rms = (float(np.sqrt(np.mean((stress - fit) ** 2)) / P0) for fit in (model, log_fit))
     return Relaxation(
-        stretch,
-        (float(time[0]), float(time[-1])),
-        float(P0),
-        amplitudes[1:][kept] / P0,
-        times[kept],
-        float(amplitudes[0] / P0),
-        float(1 - model[-1] / model[0]),
-        percentile_interval(draws[:, 0]),
-        percentile_interval(draws[:, 1]),
-        float(np.sqrt(np.mean((stress - model) ** 2)) / P0),
-        float(-power[1]),
-        percentile_interval(draws[:, 2]),
-        float(np.sqrt(np.mean((stress - log_fit) ** 2)) / P0),
-        len(time),
-        ramp_s=float(ramp_s),
-    )
+        stretch, (float(time[0]), float(time[-1])), float(P0), amplitudes[1:][kept] / P0, times[kept],
+        float(amplitudes[0] / P0), float(1 - model[-1] / model[0]), drop, equilibrium, prony_rms,
+        float(-power[1]), exponent, power_rms, len(time), ramp_s=float(ramp_s),
+    )  # fmt: skip
 
 
 def _binned(time, stress) -> tuple[np.ndarray, np.ndarray]:
     """Return time and stress averaged in bins of equal log time; single rows stay as they are."""
-    positive = time > 0
-    time, stress = time[positive], stress[positive]
-    if not len(time):
-        return time, stress
+    time, stress = time[time > 0], stress[time > 0]
     index = np.floor(np.log10(time) * BINS_PER_DECADE).astype(int)
-    groups = np.unique(index)
-    mean_time = np.array([np.exp(np.log(time[index == g]).mean()) for g in groups])
-    return mean_time, np.array([stress[index == g].mean() for g in groups])
+    bins = [index == group for group in np.unique(index)]
+    mean_time = np.array([np.exp(np.log(time[rows]).mean()) for rows in bins])
+    return mean_time, np.array([stress[rows].mean() for rows in bins])
 
 
 def _chosen_times(time, stress, ramp) -> np.ndarray:
@@ -194,8 +178,7 @@ def _chosen_times(time, stress, ramp) -> np.ndarray:
     low, high = _window(time, ramp)
     decades = np.log10(high / low)
     most = max(1, min(int(TERMS_PER_DECADE * decades), len(time) // 3))
-    best: np.ndarray | None = None
-    best_bic = np.inf
+    best, best_bic = None, np.inf
     for k in range(1, most + 1):
         edges = np.linspace(np.log10(low), np.log10(high), k + 1)
         times = _refined(time, stress, 10 ** (edges[:-1] + np.diff(edges) / 2), ramp)
@@ -252,9 +235,8 @@ def _power(time, stress) -> tuple[np.ndarray, np.ndarray]:
     """Return (ln P at 1 s, -n) and the modelled stress (n,) of P = P(1 s) t^-n."""
     usable = stress > 0
     if usable.sum() < LEAST_POINTS:
-        raise ValueError(
-            f"{int((~usable).sum())} of {len(stress)} stresses of the hold are not above 0; check its sign"
-        )
+        below = int((~usable).sum())
+        raise ValueError(f"{below} of {len(stress)} stresses of the hold are not above 0; check its sign")
     design = np.column_stack([np.ones(len(time)), np.log(time)])
     beta, *_ = np.linalg.lstsq(design[usable], np.log(stress[usable]), rcond=None)
     return beta, np.exp(design @ beta)

@@ -69,12 +69,8 @@ def bootstrap(
 
 def _refits(curves: list[MeanCurve], family: Family, start: np.ndarray, seeds) -> np.ndarray:
     problem = Problem.of(curves)
-    return np.array(
-        [
-            replace(problem, mean=_redrawn(curves, np.random.default_rng(s))).solve(family, start)
-            for s in seeds
-        ]
-    )
+    means = (_redrawn(curves, np.random.default_rng(seed)) for seed in seeds)
+    return np.array([replace(problem, mean=mean).solve(family, start) for mean in means])
 
 
 def _redrawn(curves: list[MeanCurve], rng: np.random.Generator) -> np.ndarray:

@@ -14,7 +14,7 @@ from gelforge.mechanics.laws.models import FAMILIES
 
 SAME_ERROR = 1.1  # ratio of errors of prediction that are called equal
 NO_SUPPORT = (
-    10.0  # difference in AICc from which on a model has no support (Burnham & Anderson 2002, sec. 2.6)
+    10.0  # difference in AICc beyond which a model has no support (Burnham & Anderson 2002, sec. 2.6)
 )
 # Of the nominal stress: residuals of 14 % of the curve's spread, several times the scatter of samples. Treloar's (1944)
 # rubber reaches 0.9967 and more, no model reaches 0.9 of a foam (docs/results/material-fits.md).
@@ -46,11 +46,8 @@ class Candidate:
     @property
     def held_out_error(self) -> float:
         """Return the root mean square over the tests of the relative error of their prediction."""
-        return (
-            float(np.sqrt(np.mean(np.square(list(self.held_out.values())))))
-            if self.held_out
-            else float("nan")
-        )
+        errors = list(self.held_out.values())
+        return float(np.sqrt(np.mean(np.square(errors)))) if errors else float("nan")
 
     @property
     def describes(self) -> bool:
@@ -87,12 +84,11 @@ class Comparison:
         listed = ", ".join(f"{kind} {r2:.3f}" for kind, r2 in poor.items())
         unstable = [c for c in self.candidates if c.describes and not c.usable]
         closest = min((c.fitted for c in unstable), key=lambda fit: fit.misfit, default=None)
-        rejected = (
-            f" {closest.family.title} comes closer (R2 {', '.join(f'{v:.3f}' for v in closest.r2_nominal.values())})"
-            f" but is Drucker-stable only to {closest.unstable_from:.0%} of the range."
-            if closest
-            else ""
-        )
+        rejected = ""
+        if closest:
+            reached = ", ".join(f"{r2:.3f}" for r2 in closest.r2_nominal.values())
+            rejected = f" {closest.family.title} comes closer (R2 {reached})"
+            rejected += f" but is Drucker-stable only to {closest.unstable_from:.0%} of the range."
         return [
             f"DOES NOT DESCRIBE THE TESTS: R2 of the nominal stress {listed}; {POOR_R2:g} at least is expected."
             f"{rejected} All constitutive models here are elastic, isotropic and incompressible: look for samples that"
@@ -102,15 +98,12 @@ class Comparison:
     @property
     def identifiability(self) -> list[str]:
         """Return where the chosen law is not determined by the tests, with the width of its prediction there."""
-        fit, words = self.chosen.fitted, []
-        poor = [w for w in self.widths if not w.determined]
-        poor = self.widths if len(fit.samples) == 1 else poor  # one load case never shows the others
-        if poor:
-            words.append(
-                "NOT IDENTIFIABLE from " + " and ".join(fit.samples) + " alone; add the missing tests"
-            )
-            words += [w.text for w in poor]
-        return words
+        tested = self.chosen.fitted.samples
+        poor = [
+            w for w in self.widths if len(tested) == 1 or not w.determined
+        ]  # one load case never shows the others
+        head = f"NOT IDENTIFIABLE from {' and '.join(tested)} alone; add the missing tests"
+        return [head, *(w.text for w in poor)] if poor else []
 
     @property
     def reason(self) -> str:
@@ -119,9 +112,8 @@ class Comparison:
         predicted = [c for c in usable if np.isfinite(c.held_out_error)]
         lowest = min(usable, key=lambda c: c.aicc, default=self.chosen)
         best = min(predicted, key=lambda c: c.held_out_error, default=None)
-        held_out = (
-            f"one kind of test only, so none could be held out{' as asked' * (self.chosen_by == 'held_out')}"
-        )
+        asked = " as asked" if self.chosen_by == "held_out" else ""
+        held_out = f"one kind of test only, so none could be held out{asked}"
         if best and self.chosen.held_out_error <= SAME_ERROR * best.held_out_error:
             held_out = f"none predicts a test left out better ({self.chosen.held_out_error:.1%})"
         elif best:
@@ -153,9 +145,7 @@ class Comparison:
             row |= {f"R2 {kind}": r2 for kind, r2 in (c.fit.r2_nominal.items() if c.fit else ())}
             row |= {f"error held out {kind}": c.held_out.get(kind, np.nan) for kind in kinds}
             row["error held out"] = c.held_out_error
-            row["Drucker stable"] = (
-                "" if c.fit is None else "yes" if c.usable else f"to {c.fitted.unstable_from:.0%}"
-            )
+            row["Drucker stable"] = "yes" if c.usable else f"to {c.fit.unstable_from:.0%}" if c.fit else ""
             row["remark"] = c.refused or "; ".join(c.fitted.notes)
             rows.append(row)
         return pd.DataFrame(rows)

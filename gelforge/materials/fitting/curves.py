@@ -41,9 +41,8 @@ class MeanCurve:
     @property
     def label(self) -> str:
         """Return the name of the curve: the test, and its part and component where it has several."""
-        return " ".join(
-            [self.test, *filter(None, [self.part, {"2": "P22", "1-2": "difference"}.get(self.component)])]
-        )
+        component = {"2": "P22", "1-2": "difference"}.get(self.component)
+        return " ".join(filter(None, (self.test, self.part, component)))
 
     @property
     def sample_names(self) -> tuple[str, ...]:
@@ -119,11 +118,8 @@ def monotonic_loading(tests: list[MaterialTest]) -> tuple[list[MaterialTest], li
     held = [t for t in tests if t.history == "relaxation"]
     kept, notes = _loadings([t for t in tests if t.history != "relaxation"])
     if kept:
-        notes += [
-            f"{t.test} {t.sample}: a relaxation test is not fitted by an elastic model; left out"
-            for t in held
-        ]
-        return kept, notes
+        why = "a relaxation test is not fitted by an elastic model; left out"
+        return kept, notes + [f"{t.test} {t.sample}: {why}" for t in held]
     ramps, more = _loadings(held)
     return ramps, [*notes, *more]
 
@@ -131,10 +127,11 @@ def monotonic_loading(tests: list[MaterialTest]) -> tuple[list[MaterialTest], li
 def _loadings(tests: list[MaterialTest]) -> tuple[list[MaterialTest], list[str]]:
     kept, notes = [], []
     for t in tests:
+        name = f"{t.test} {t.sample}"
         if t.test not in LOAD_CASE_OF:
-            notes.append(f"{t.test} {t.sample}: not fitted by an elastic model; left out")
+            notes.append(f"{name}: not fitted by an elastic model; left out")
         elif t.cycle is not None and t.cycle > 1:
-            notes.append(f"{t.test} {t.sample}: cycle {t.cycle} of a softened sample is not fitted; left out")
+            notes.append(f"{name}: cycle {t.cycle} of a softened sample is not fitted; left out")
         elif t.history == "monotonic":
             kept.append(t)
         elif any(s.kind == "load" for s in t.segments):
@@ -142,14 +139,12 @@ def _loadings(tests: list[MaterialTest]) -> tuple[list[MaterialTest], list[str]]
             if t.history == "relaxation":  # what follows the largest stress already relaxes
                 first = first.part(slice(0, int(np.nanargmax(np.abs(first.nominal_stress))) + 1))
             if np.ptp(first.stretch) < LEAST_STRAIN:
-                notes.append(
-                    f"{t.test} {t.sample}: its loading is no ramp of {LEAST_STRAIN:g} of stretch; left out"
-                )
+                notes.append(f"{name}: its loading is no ramp of {LEAST_STRAIN:g} of stretch; left out")
                 continue
             kept.append(first)
-            notes.append(f"{t.test} {t.sample}: of the {t.history} test only the first loading is fitted")
+            notes.append(f"{name}: of the {t.history} test only the first loading is fitted")
         else:
-            notes.append(f"{t.test} {t.sample}: no loading found in the {t.history} test; left out")
+            notes.append(f"{name}: no loading found in the {t.history} test; left out")
     return kept, notes
 
 
@@ -181,16 +176,14 @@ def _mean(kind: str, component: str, measured: list, part: str, grid_points: int
     low = max(stretch[0] for _, (stretch, _, _) in measured)
     high = min(stretch[-1] for _, (stretch, _, _) in measured)
     if not low < high:
-        raise ValueError(
-            f"{kind}: the samples share no stretch (from {low:g} to {high:g}); give them separate materials"
-        )
-    first = measured[0][1][0]
+        span = f"from {low:g} to {high:g}"
+        raise ValueError(f"{kind}: the samples share no stretch ({span}); give them separate materials")
+    first, first_stress, first_lateral = measured[0][1]
     grid = first if len(measured) == 1 and len(first) <= grid_points else np.linspace(low, high, grid_points)
     stress = np.array([np.interp(grid, x, s) for _, (x, s, _) in measured])
-    lateral = (
-        np.mean([np.interp(grid, x, l) for _, (x, _, l) in measured], axis=0) if kind == "biaxial" else None
-    )
+    lateral = np.mean([np.interp(grid, x, l) for _, (x, _, l) in measured], axis=0)
     if len(grid) == len(first) and len(measured) == 1:  # interpolation would merge rows of equal stretch
-        stress, lateral = measured[0][1][1][None], measured[0][1][2] if kind == "biaxial" else None
+        stress, lateral = first_stress[None], first_lateral
+    lateral = lateral if kind == "biaxial" else None
     samples, rows = tuple(t.sample for t, _ in measured), tuple(len(x) for _, (x, _, _) in measured)
     return MeanCurve(kind, grid, stress, lateral, component, samples, rows, part)

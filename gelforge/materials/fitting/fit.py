@@ -33,11 +33,7 @@ WORST_CONDITION = 1e7
 ROWS_PER_PARAMETER = 3  # fewer rows than that cannot show a misfit
 FEW_ROWS = 12  # in a test: a curve whose shape between the rows is not seen; named in a note
 # Relative tolerances: to rank starts; so that another machine gives the same 10 digits.
-COARSE, FINE = (
-    1e-6,
-    1e-15,
-)
-
+COARSE, FINE = 1e-6, 1e-15
 NEIGHBOUR = 1e-8  # from a neighbouring fit: far below the scatter between samples, 1e-2
 
 
@@ -119,22 +115,14 @@ def fit_law(
         notes.append(
             f"not Drucker-stable from {unstable:.0%} of the tested range on; not for finite elements"
         )
+    of_kind = {kind: [c for c in curves if c.test == kind] for kind in problem.kinds}
     return LawFit(
-        family,
-        theta,
-        covariance,
-        freedom,
-        source,
-        problem.misfit(family, theta),
-        {k: r_squared(*_pooled([c for c in curves if c.test == k], fitted)) for k in problem.kinds},
-        {k: _ends([c.stretch for c in curves if c.test == k]) for k in problem.kinds},
-        {kind: len({n for c in curves if c.test == kind for n in c.sample_names}) for kind in problem.kinds},
-        valid,
-        unstable,
-        (*_few_rows(curves), *notes),
-        loss,
-        at_bound,
-    )
+        family, theta, covariance, freedom, source, problem.misfit(family, theta),
+        {kind: r_squared(*_pooled(alike, fitted)) for kind, alike in of_kind.items()},
+        {kind: _ends([c.stretch for c in alike]) for kind, alike in of_kind.items()},
+        {kind: len({n for c in alike for n in c.sample_names}) for kind, alike in of_kind.items()},
+        valid, unstable, (*_few_rows(curves), *notes), loss, at_bound,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -165,32 +153,23 @@ class Problem:
         units = list(dict.fromkeys(name for c in curves for name in c.sample_names))
         sizes = tuple(len(c.stretch) for c in curves)
         firsts = np.cumsum([0, *sizes])
-        rows = [  # point, stress, share, unit
-            np.column_stack(
-                [
-                    np.arange(first, first + len(c.stretch)),
-                    stress,
-                    np.full(len(stress), 1 / len(c.sample_nominal_stress)),
-                    np.full(len(stress), units.index(name)),
-                ]
-            )
+        samples = [  # first point, stress (n,), share, unit
+            (first, stress, 1 / len(c.sample_nominal_stress), units.index(name))
             for c, first in zip(curves, firsts)
             for name, stress in zip(c.sample_names, c.sample_nominal_stress)
         ]
-        point, stress, share, unit = np.concatenate(rows).T
+        counts = [len(stress) for _, stress, _, _ in samples]
+        lam, scale = (np.concatenate([getattr(c.points, name) for c in curves]) for name in ("lam", "scale"))
         return cls(
-            StressPoints(
-                np.concatenate([c.points.lam for c in curves]),
-                np.concatenate([c.points.scale for c in curves]),
-            ),
+            StressPoints(lam, scale),
             np.concatenate([c.nominal_stress for c in curves]),
             np.concatenate([np.full(n, power[c.test] ** -0.5) for c, n in zip(curves, sizes)]),
             sizes,
             kinds,
-            point.astype(int),
-            stress,
-            share,
-            unit.astype(int),
+            np.concatenate([np.arange(first, first + n) for (first, *_), n in zip(samples, counts)]),
+            np.concatenate([stress for _, stress, _, _ in samples]),
+            np.repeat([share for _, _, share, _ in samples], counts),
+            np.repeat([unit for _, _, _, unit in samples], counts),
             np.array([kinds.index(name.split("/")[0]) for name in units]),
         )
 
@@ -260,9 +239,8 @@ class Problem:
         pull = 1.0 if self.row_pull is None else self.row_pull
         curvature = self.row_share * (1.0 if self.row_curvature is None else self.row_curvature)
         length = np.linalg.norm(J, axis=0)
-        inverse = np.linalg.inv((rows / length).T @ (curvature[:, None] * rows / length)) / np.outer(
-            length, length
-        )
+        inverse = np.linalg.inv((rows / length).T @ (curvature[:, None] * rows / length))
+        inverse = inverse / np.outer(length, length)
         residual = self.weight[self.row_point] * (self.row_stress - model[self.row_point])
         counts, p = np.bincount(self.stratum), J.shape[1]
         scores = np.zeros((len(self.stratum), p))
@@ -270,11 +248,8 @@ class Problem:
         if counts.min() >= 2:
             mean = np.stack([np.bincount(self.stratum, s) / counts for s in scores.T], axis=-1)
             scores = (scores - mean[self.stratum]) * np.sqrt(counts / (counts - 1))[self.stratum, None]
-            C, freedom, source = (
-                inverse @ (scores.T @ scores) @ inverse,
-                counts.sum() - len(counts),
-                "samples",
-            )
+            freedom, source = counts.sum() - len(counts), "samples"
+            C = inverse @ (scores.T @ scores) @ inverse
         elif len(scores) > p:
             freedom, source = len(scores) - p, "samples of all tests together"
             C = inverse @ (scores.T @ scores) @ inverse * len(scores) / freedom
@@ -320,10 +295,8 @@ def _spread(stress: np.ndarray) -> float:
 
 def _pooled(curves: list[MeanCurve], law: PrincipalLaw) -> tuple[np.ndarray, np.ndarray]:
     """Return measured and modelled nominal stress of all curves of a kind of test in one row."""
-    return (
-        np.concatenate([c.nominal_stress for c in curves]),
-        np.concatenate([c.points.measured_stress(law) for c in curves]),
-    )
+    measured = np.concatenate([c.nominal_stress for c in curves])
+    return measured, np.concatenate([c.points.measured_stress(law) for c in curves])
 
 
 def _ends(stretches: list[np.ndarray]) -> tuple[float, float]:
@@ -346,17 +319,12 @@ def _least_squares(family, points, start, bounds, tolerance, residual, jacobian,
             last[key] = family.stress(points, theta)
         return last[key]
 
+    tolerances = dict.fromkeys(("ftol", "xtol", "gtol"), tolerance)
     return least_squares(
         lambda theta: residual(evaluated(theta)[0]),
         start,
         jac=lambda theta: jacobian(evaluated(theta)[1]),
-        bounds=bounds,
-        x_scale="jac",
-        ftol=tolerance,
-        xtol=tolerance,
-        gtol=tolerance,
-        max_nfev=300,
-        **loss,
+        **dict(bounds=bounds, x_scale="jac", max_nfev=300) | tolerances | loss,
     )
 
 
@@ -371,11 +339,8 @@ def _check_rows(curves: list[MeanCurve], family: Family) -> None:
 
 def _few_rows(curves: list[MeanCurve]) -> list[str]:
     few = [f"{c.label} ({max(c.row_counts)})" for c in curves if max(c.row_counts) < FEW_ROWS]
-    remark = (
-        f"fewer than {FEW_ROWS} rows per specimen: the curve between them is not measured, and the intervals do not"
-        " include that"
-    )
-    return [f"{remark}: {', '.join(few)}"] if few else []
+    remark = f"fewer than {FEW_ROWS} rows per specimen: the curve between them is not measured, and the intervals do not"
+    return [f"{remark} include that: {', '.join(few)}"] if few else []
 
 
 def _check_determined(problem: Problem, family: Family, theta: np.ndarray) -> np.ndarray:
@@ -386,15 +351,12 @@ def _check_determined(problem: Problem, family: Family, theta: np.ndarray) -> np
     values = family.values(theta)[0]
     if at_bound.any() and (at_bound[0] or not family.is_linear):
         k = int(np.argmax(at_bound))
-        name = family.parameters[k]
         stated = ", ".join(f"{n} = {v:.3g}" for n, v in zip(family.parameters, values))
-        raise Undetermined(
-            f"{family.title}: {name} ran to the limit of its range ({stated}); {family.bound_means}"
-        )
+        found = f"{family.parameters[k]} ran to the limit of its range ({stated})"
+        raise Undetermined(f"{family.title}: {found}; {family.bound_means}")
     J = (problem.weight[:, None] * family.stress(problem.points, theta)[1])[:, ~at_bound]
     condition = np.linalg.cond(J / np.linalg.norm(J, axis=0))
     if not condition < WORST_CONDITION:
-        raise Undetermined(
-            f"{family.title}: condition {condition:.2g} of {WORST_CONDITION:.0g}; {family.bound_means}"
-        )
+        found = f"condition {condition:.2g} of {WORST_CONDITION:.0g}"
+        raise Undetermined(f"{family.title}: {found}; {family.bound_means}")
     return ~at_bound

@@ -19,9 +19,8 @@ WIDTH_TO_WARN = 0.10  # high over low - 1 of a prediction
 REFERENCE = "ogden3"  # contains neo-Hooke and Mooney-Rivlin (alpha = 2, -2) and Ogden with fewer terms, and stiffens twice
 # Of a misfit: with fewer its scatter is not known at all, with three to 1 / sqrt(6) = 41 % (GUM 2008, E.4.3).
 LEAST_FREEDOM = 3.0
-SCANNED = np.geomspace(
-    1 / 30, 30, 15
-)  # prescribed stress over that of a neo-Hookean law of the same stiffness
+# prescribed stress over that of a neo-Hookean law of the same stiffness
+SCANNED = np.geomspace(1 / 30, 30, 15)
 ROUGH = 1e-5  # relative tolerance of the fits with a prescribed stress: 0.3 % of a standard deviation
 
 
@@ -72,11 +71,8 @@ def prediction_widths(
             admitted += _admitted(problem, family, theta, point)
         # NaN beyond the limiting stretch of the law itself
         fitted_stress = _stress(fit.family, point, fit.theta)
-        widths.append(
-            PredictionWidth(
-                case, stretch, fitted_stress, min(fitted_stress, *admitted), max(fitted_stress, *admitted)
-            )
-        )
+        low, high = min(fitted_stress, *admitted), max(fitted_stress, *admitted)
+        widths.append(PredictionWidth(case, stretch, fitted_stress, low, high))
     return widths
 
 

@@ -16,11 +16,9 @@ from gelforge.mechanics.laws.models import MODELS, family_of, parameters_of
 
 FORMAT = "gelforge-law-1"
 # As an indentation strains gel and skin, and half as far again.
+STRETCHES = np.array([1.03, 1.1, 1.2, 1.4])
 STATES = np.concatenate(
-    [
-        principal_stretches(test, np.array([1.03, 1.1, 1.2, 1.4]))
-        for test in ("uniaxial", "pure_shear", "equibiaxial")
-    ]
+    [principal_stretches(case, STRETCHES) for case in ("uniaxial", "pure_shear", "equibiaxial")]
 )
 NEGLIGIBLE = 1e-3  # of the variance: the error bar is then short by 1 - sqrt(1 - 1e-3) = 5e-4 of itself
 DIGITS = 10  # of every stored number: beyond the convergence of a fit, within what another machine reproduces
@@ -75,9 +73,8 @@ class MaterialLaw:
         states = self.valid_states
         if states is None and self.valid_stretch:
             ends = [(t, v) for t, v in self.valid_stretch.items() if t in LOAD_CASES]
-            states = (
-                np.concatenate([principal_stretches(test, np.array(v)) for test, v in ends]) if ends else None
-            )
+            parts = [principal_stretches(test, np.array(v)) for test, v in ends]
+            states = np.concatenate(parts) if parts else None
         return None if states is None else ValidRange.of(states)
 
 
@@ -110,9 +107,8 @@ def moved_laws(material: MaterialLaw, amount: float) -> list[PrincipalLaw]:
     moves = np.zeros((len(uncertain), len(material.values)))  # one in each row
     moves[:, uncertain] = (directions * np.sqrt(np.maximum(size, 0.0))).T * sigma
     plain = _stresses(material.law)
-    moved = [
-        (_stresses(law) / plain - 1) / step for law, step in (_moved(material, m, amount) for m in moves)
-    ]
+    steps = (_moved(material, move, amount) for move in moves)
+    moved = [(_stresses(law) / plain - 1) / step for law, step in steps]
     changes = np.reshape(moved, (len(moves), len(plain)))
     changes = changes[:, np.isfinite(changes).all(axis=0)]  # within the limiting stretch of all
     turn, sizes, _ = np.linalg.svd(changes, full_matrices=False)

@@ -31,15 +31,13 @@ def material_table(materials: list[MaterialLaw]) -> pd.DataFrame:
         C = np.full((len(values),) * 2, np.nan) if m.covariance is None else m.covariance
         freedom = m.freedom or max(1, sum((m.samples or {}).values()) - len(values))
         t = student.ppf(0.975, freedom)
-        for name, value, sigma, fixed in zip(
-            names, values, np.sqrt(np.maximum(np.diag(C), 0)), m.family.logarithmic
-        ):
+        sigmas = np.sqrt(np.maximum(np.diag(C), 0))
+        for name, value, sigma, fixed in zip(names, values, sigmas, m.family.logarithmic):
             low, high = _logarithmic(value, t * sigma) if fixed else (value - t * sigma, value + t * sigma)
             rows.append((m.material, name.removesuffix("_kPa"), m.family.unit(name), value, low, high))
         E, gradient = m.law.youngs_modulus * 1e3, m.family.modulus_gradient(values)
-        rows.append(
-            (m.material, "E", "kPa", E, *_logarithmic(E, t * np.sqrt(np.maximum(gradient @ C @ gradient, 0))))
-        )
+        half = t * np.sqrt(np.maximum(gradient @ C @ gradient, 0))
+        rows.append((m.material, "E", "kPa", E, *_logarithmic(E, half)))
         for test, r2 in (m.r2_nominal or {}).items():
             rows.append((m.material, f"R2 {test}", "1", r2, np.nan, np.nan))
     return pd.DataFrame(rows, columns=["material", "quantity", "unit", "value", "low_95", "high_95"])

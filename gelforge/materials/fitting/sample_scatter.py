@@ -28,15 +28,13 @@ def scatter(curve: MeanCurve, law: PrincipalLaw) -> list[str]:
     left = stress - factors[:, None] * mean
     errors = np.sqrt((left**2).sum(axis=1) / (len(mean) - 1) / (mean @ mean))
     low, high = int(np.argmin(factors)), int(np.argmax(factors))
-    apart = factors[high] - factors[low]
-    if not 0 < factors[low] * LEAST_RATIO < factors[high] or apart < SIGMAS * np.hypot(
-        errors[low], errors[high]
-    ):
+    apart, noise = factors[high] - factors[low], np.hypot(errors[low], errors[high])
+    if not 0 < factors[low] * LEAST_RATIO < factors[high] or apart < SIGMAS * noise:
         return []
     E = law.youngs_modulus * 1e3 * factors[[low, high]]
-    noise = float(np.max(errors / factors))
+    known_to = float(np.max(errors / factors))
     return [
         f"{curve.label}: the samples differ by more than their noise: E = {E[0]:.3g} kPa ({curve.samples[low]}) to"
         f" {E[1]:.3g} kPa ({curve.samples[high]}), a factor of {factors[high] / factors[low]:.2f}, each known to"
-        f" {noise:.1%}; if they are different batches, give each a material of its own"
+        f" {known_to:.1%}; if they are different batches, give each a material of its own"
     ]

@@ -162,12 +162,10 @@ def check_also(path, entry, table, test: MaterialTest) -> list[str]:
     said = []
     for column in entry.also:
         if isinstance(column, Strain):
-            other, mine = stretch_of(path, entry, table, column)[0], test.stretch
+            mine, (other, _) = test.stretch, stretch_of(path, entry, table, column)
         else:
-            other, mine = (
-                nominal_stress_of(path, entry, table, column, test.stretch, test.stretch_2)[0],
-                test.nominal_stress,
-            )
+            mine = test.nominal_stress
+            other, _ = nominal_stress_of(path, entry, table, column, test.stretch, test.stretch_2)
         wrong = ~(np.abs(other - mine) <= AGREES * np.max(np.abs(mine)))
         share = float(wrong.mean())
         if not wrong.any():

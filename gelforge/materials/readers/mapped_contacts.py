@@ -53,11 +53,13 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
             f"{path}: force range over travel is {stiffness:.3g} N/m; {low:g} to {high:g} N/m is declared plausible:"
             f" check the units of {entry.height.column} and {entry.force.column}"
         )
+    odd = unnoticed_unit(stiffness, (low, high), "a force over travel", "N/m", "plausible_stiffness_N_per_m")
     said = [
         *said,
-        *unnoticed_unit(stiffness, (low, high), "a force over travel", "N/m", "plausible_stiffness_N_per_m"),
+        *odd,
+        *few_rows(len(force)),
+        "the contact point is not in the file: it must be searched for",
     ]
-    said = [*said, *few_rows(len(force)), "the contact point is not in the file: it must be searched for"]
     if entry.spring_constant_N_per_m:
         bending = force / entry.spring_constant_N_per_m * 1e3
         position = position - bending
@@ -68,19 +70,10 @@ def indentation_test(path, entry, table, sample, time, said, named) -> Indentati
         said.append("no spring constant is given: the position contains the bending F/k")
     if time is None:
         said.append("no time column: creep and relaxation cannot be found")
-    return IndentationTest(
-        sample,
-        position,
-        force,
-        time,
-        segment,
-        entry.material or named.get("material", ""),
-        entry.ball_radius_mm,
-        tuple(said),
-        path.name,
-        entry.layer_thickness_mm,
-        entry.rigid_board,
-    )
+    material = entry.material or named.get("material", "")
+    layer = entry.layer_thickness_mm, entry.rigid_board
+    about = material, entry.ball_radius_mm, tuple(said), path.name, *layer
+    return IndentationTest(sample, position, force, time, segment, *about)
 
 
 def _check_single_rows(path, lines, position, force, segment) -> None:
@@ -98,8 +91,8 @@ def _check_single_rows(path, lines, position, force, segment) -> None:
         if row is not None:
             raise TableError(
                 f"{path}, row {lines[rows[row]]}: a force of {force[rows[row]]:.4g} N, far off the neighbouring rows;"
-                " correct or"
-                " drop the row, or confirm it (`odd_rows: keep` next to the ball's radius, of a mapping in `corrections`)"
+                " correct or drop the row, or confirm it"
+                " (`odd_rows: keep` next to the ball's radius, of a mapping in `corrections`)"
             )
 
 
@@ -152,16 +145,14 @@ def force_pair(path, entry, table, sample, time, said) -> ForcePair:
         raise TableError(
             f"{path}: the largest force is {largest:.3g} N; {low:g} to {high:g} N is declared; check units"
         )
-    if np.corrcoef(one, two)[0, 1] < 0.9:
+    correlation = np.corrcoef(one, two)[0, 1]
+    if correlation < 0.9:
         raise TableError(
             f"{path}: {entry.force.column} and {entry.force_2.column} do not go together (correlation"
-            f" {np.corrcoef(one, two)[0, 1]:.2f}); the same force is expected in both: check the columns"
+            f" {correlation:.2f}); the same force is expected in both: check the columns"
         )
-    odd = [
-        *said,
-        *few_rows(len(one)),
-        *unnoticed_unit(largest, (low, high), "a force", "N", "plausible_force_N"),
-    ]
+    odd = [*said, *few_rows(len(one))]
+    odd += unnoticed_unit(largest, (low, high), "a force", "N", "plausible_force_N")
     repeated = 0 if time is None else int((np.diff(time) == 0).sum())
     if repeated:
         odd.append(f"{repeated} of {len(time)} rows repeat the time stamp of the row before (coarse clock)")

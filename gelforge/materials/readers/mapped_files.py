@@ -133,9 +133,8 @@ def _check_folders(folder: Path, mapping: Mapping, folders: Sequence[Path], file
         except ConfigError:  # no name of a test: what a folder may have
             continue
         if entry and any(pattern.endswith(path.suffix) for pattern in entry.files):
-            raise TableError(
-                f"{path}: an empty folder where a file of a test is expected; put the file there, or remove it"
-            )
+            found = "an empty folder where a file of a test is expected"
+            raise TableError(f"{path}: {found}; put the file there, or remove it")
 
 
 def read_mapped(path: str | Path, entry: TestMapping) -> list[Read]:
@@ -151,12 +150,10 @@ def read_mapped(path: str | Path, entry: TestMapping) -> list[Read]:
     tests: list[Read] = []
     for number, (title, part) in enumerate(stacked, 1):
         table = _table(path, entry, columns, part)
-        suffix = f"{title or f'{path.stem}_{number}'}" if len(stacked) > 1 else ""
+        suffix = (title or f"{path.stem}_{number}") if len(stacked) > 1 else ""
         groups = table.groupby(entry.split, sort=False) if entry.split else [("", table)]
-        tests += [
-            _test(path, entry, rows, "_".join(filter(None, (suffix, str(value)))), dict(named))
-            for value, rows in groups
-        ]
+        parts = (("_".join(filter(None, (suffix, str(value)))), rows) for value, rows in groups)
+        tests += [_test(path, entry, rows, name, dict(named)) for name, rows in parts]
     return tests
 
 
@@ -227,17 +224,13 @@ def _form(entry: TestMapping, columns: Sequence[Column]) -> CsvForm:
 def _table(path: Path, entry: TestMapping, columns: Sequence[Column], form: CsvForm) -> pd.DataFrame:
     texts = [name for name in (entry.split, entry.segment) if name]
     texts += [entry.time.restarts_with] if entry.time and entry.time.restarts_with else []
-    table = read_csv(
-        path,
-        numbers=list(dict.fromkeys(column.column for column in columns)),
-        texts=list(dict.fromkeys(texts)),
-        form=form,
-    )
-    return table if entry.split is None else table.sort_values(entry.split, kind="stable", key=_order_seen)
-
-
-def _order_seen(column: pd.Series) -> np.ndarray:
-    return pd.factorize(column)[0]
+    numbers = list(dict.fromkeys(column.column for column in columns))
+    table = read_csv(path, numbers=numbers, texts=list(dict.fromkeys(texts)), form=form)
+    if entry.split is None:
+        return table
+    return table.sort_values(
+        entry.split, kind="stable", key=lambda column: pd.factorize(column)[0]
+    )  # as first seen
 
 
 def _from_name(path: Path, entry: TestMapping) -> dict[str, str]:
@@ -254,9 +247,8 @@ def _from_name(path: Path, entry: TestMapping) -> dict[str, str]:
 
 def _test(path: Path, entry: TestMapping, table: pd.DataFrame, part: str, named: dict[str, str]) -> Read:
     if len(table) < ROWS_OF_CURVE:
-        raise TableError(
-            f"{path}: {len(table)} rows{_of(part)}; {ROWS_OF_CURVE} at least are needed for a test"
-        )
+        of = f" of {part}" if part else ""
+        raise TableError(f"{path}: {len(table)} rows{of}; {ROWS_OF_CURVE} at least are needed for a test")
     sample = "_".join(word for word in (named.get("sample", "" if part else path.stem), part) if word)
     time, time_said, table = _time(path, entry, table)
     if entry.kind == "indentation":
@@ -264,10 +256,6 @@ def _test(path: Path, entry: TestMapping, table: pd.DataFrame, part: str, named:
     if entry.kind == "force_pair":
         return force_pair(path, entry, table, sample, time, time_said)
     return material_test(path, entry, table, sample, time, time_said, named)
-
-
-def _of(part: str) -> str:
-    return f" of {part}" if part else ""
 
 
 def _time(path: Path, entry: TestMapping, table: pd.DataFrame):
@@ -280,30 +268,24 @@ def _time(path: Path, entry: TestMapping, table: pd.DataFrame):
         for a, b in zip(begins, [*begins[1:], len(time)]):
             time[a:b] += time[a - 1]
     back = np.flatnonzero(np.diff(time) < 0)
-    if len(back) and entry.corrections.time == "refuse":
-        i = int(back[0]) + 1
-        raise TableError(
-            f"{path}, row {table.index[i]}: {entry.time.column} {time[i]:.6g} s after {time[i - 1]:.6g} s; time does"
-            " not go back: check the column, set `restarts_with`, or"
-            " `corrections: {time: sort}` or `{time: set_aside}`"
-        )
-    if len(back) and entry.corrections.time == "set_aside":
-        i = int(back[0]) + 1
-        said.append(
-            f"corrected: row {table.index[i]} has {time[i]:.6g} s after {time[i - 1]:.6g} s; time set aside"
-        )
-        return None, said, table
     if len(back):
+        i = int(back[0]) + 1
+        row, steps = table.index[i], f"{time[i]:.6g} s after {time[i - 1]:.6g} s"
+        if entry.corrections.time == "refuse":
+            raise TableError(
+                f"{path}, row {row}: {entry.time.column} {steps}; time does not go back: check the column, set"
+                " `restarts_with`, or `corrections: {time: sort}` or `{time: set_aside}`"
+            )
+        if entry.corrections.time == "set_aside":
+            return None, [f"corrected: row {row} has {steps}; time set aside"], table
         order = np.argsort(time, kind="stable")
         time, table = time[order], table.iloc[order]
         said.append(f"corrected: {len(back)} rows were earlier than the row before; sorted by time")
     if entry.corrections.repeated_time == "average" and (np.diff(time) == 0).any():
         first = np.r_[True, np.diff(time) > 0]
         said.append(f"corrected: {int((~first).sum())} rows with a repeated time stamp averaged into one")
-        numbers = table.select_dtypes("number")
-        mean = numbers.groupby(np.cumsum(first)).mean()
-        kept = table.loc[first].copy()
-        kept[numbers.columns] = mean.to_numpy()
+        numbers, kept = table.select_dtypes("number"), table.loc[first].copy()
+        kept[numbers.columns] = numbers.groupby(np.cumsum(first)).mean().to_numpy()
         time, table = time[first], kept
     return time, said, table
 
@@ -317,6 +299,7 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
     lateral, lateral_stress = lateral_of(path, entry, table, stretch)
     nominal, difference = nominal_stress_of(path, entry, table, entry.stress, stretch, lateral)
     temperature = values(table, entry.temperature)
+    measured = None if temperature is None else float(np.median(temperature))
     name_rate = number_in_name(path, entry, named, "rate_per_s")
     column_rate = values(table, entry.rate)
     cycle = number_in_name(path, entry, named, "cycle")
@@ -333,9 +316,7 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
         entry.material or named.get("material", ""),
         age_days=_first(entry.age_days, number_in_name(path, entry, named, "age_days")),
         temperature_C=_first(
-            entry.temperature_C,
-            number_in_name(path, entry, named, "temperature_C"),
-            None if temperature is None else float(np.median(temperature)),
+            entry.temperature_C, number_in_name(path, entry, named, "temperature_C"), measured
         ),
         dose=number_in_name(path, entry, named, "dose"),
         cycle=None if cycle is None else int(cycle),
@@ -344,10 +325,11 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
     )
     check_range(path, entry, table, test)
     test = replace(test, segments=checked_segments(path, entry, table, test, at_rest))
-    fall = None if entry.corrections.after_fall == "keep" else fall_while_loading(test)
+    asked = entry.corrections
+    fall = None if asked.after_fall == "keep" else fall_while_loading(test)
     if fall:
         stop, text = fall.row + 1, fall_words(fall, table.index)
-        if entry.corrections.after_fall == "refuse":
+        if asked.after_fall == "refuse":
             raise TableError(
                 f"{path}, {text}; cut the curve there with `corrections: {{after_fall: cut}}`, or confirm it with"
                 " `after_fall: keep`"
@@ -360,18 +342,15 @@ def material_test(path, entry, table, sample, time, said, named) -> MaterialTest
         said = [*said, f"corrected: {text}; cut there (after_fall)"]
         time = None if time is None else time[:stop]
         return material_test(path, entry, table.iloc[:stop], sample, time, said, named)
-    if entry.corrections.odd_rows == "refuse":
+    if asked.odd_rows == "refuse":
         remedy = "or confirm it with `corrections: {odd_rows: keep}`"
-        check_rows(
-            path, table.index, test, remedy, entry.corrections.zero_force, entry.corrections.toe == "remove"
-        )
+        check_rows(path, table.index, test, remedy, asked.zero_force, asked.toe == "remove")
     odd = check_stiffness(path, entry, test) + check_also(path, entry, table, test)
     stated, by = _stated_rate(entry, name_rate, column_rate)
     odd += findings(test, stated, by)
     rate = rate_while_loading(test)
     check_declared_rate(path, entry, rate)
     test = replace(test, rate_per_s=rate[0] if rate else stated, findings=(*test.findings, *odd))
-    asked = entry.corrections
     of_gauge = entry.strain is not None and entry.strain.measure in ("displacement", "engineering")
     return corrected(test, asked.toe == "remove", asked.zero_force, asked.zero_strain, of_gauge)
 

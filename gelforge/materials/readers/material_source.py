@@ -37,14 +37,11 @@ class MaterialSource:
             self.small.presses + other.small.presses,
             self.small.force_pairs + other.small.force_pairs,
         )
-        files = tuple(dict.fromkeys((*self.files, *other.files)))
-        return replace(
-            self,
-            tests=self.tests + other.tests,
-            files=files,
-            synthetic=self.synthetic or other.synthetic,
-            small=small,
+        files, synthetic = (
+            tuple(dict.fromkeys((*self.files, *other.files))),
+            self.synthetic or other.synthetic,
         )
+        return replace(self, tests=self.tests + other.tests, files=files, synthetic=synthetic, small=small)
 
 
 def read_sources(sources: list[Path], mapping: Path | None = None) -> list[MaterialSource]:
@@ -73,9 +70,8 @@ def read_sources(sources: list[Path], mapping: Path | None = None) -> list[Mater
         folder = source if source.is_dir() else source.parent
         for material in _read(source, declared):
             material = material if len(sources) == 1 else _below(folder, material)
-            materials[material.name] = (
-                materials[material.name] + material if material.name in materials else material
-            )
+            known = materials.get(material.name)
+            materials[material.name] = known + material if known else material
     materials = {name: replace(m, tests=_distinct(m.tests)) for name, m in materials.items()}
     for name, material in materials.items():
         check_copies(name, material.tests)
@@ -134,9 +130,8 @@ def _distinct(tests: tuple[MaterialTest, ...]) -> tuple[MaterialTest, ...]:
     names = Counter(map(_name, tests))
     twice = next((t for t in tests if names[_name(t)] > 1), None)
     if twice:
-        raise TableError(
-            f"{twice.source}: the {twice.test} sample {twice.sample!r} is read twice; name each file or folder once"
-        )
+        what = f"the {twice.test} sample {twice.sample!r}"
+        raise TableError(f"{twice.source}: {what} is read twice; name each file or folder once")
     return tests
 
 
@@ -164,25 +159,18 @@ def _read(source: Path, mapping: Mapping | None) -> list[MaterialSource]:
     if not source.exists():
         raise TableError(f"{source}: no such file or folder; name one that exists")
     if mapping is None and source.is_dir():
+        tests, files = tuple(read_material_tests(source)), tuple(input_files(source))
         return [
-            MaterialSource(
-                source.name,
-                tuple(read_material_tests(source)),
-                tuple(input_files(source)),
-                declared_synthetic(source),
-                read_small_tests(source),
-            )
+            MaterialSource(source.name, tests, files, declared_synthetic(source), read_small_tests(source))
         ]
-    if mapping is not None:
-        if source.is_dir():
-            return [
-                _mapped(test, source.name, source, mapping) for test in read_mapped_folder(source, mapping)
-            ]
-        entries = mapping.entries_for(source.name)
-        if not entries:
-            raise TableError(f"{source}: the mapping ignores this file; name a test, or change `ignore`")
-        return [_mapped(test, source.stem, source.parent, mapping) for test in read_by_all(source, entries)]
-    return [_small_file(source)]
+    if mapping is None:
+        return [_small_file(source)]
+    if source.is_dir():
+        return [_mapped(test, source.name, source, mapping) for test in read_mapped_folder(source, mapping)]
+    entries = mapping.entries_for(source.name)
+    if not entries:
+        raise TableError(f"{source}: the mapping ignores this file; name a test, or change `ignore`")
+    return [_mapped(test, source.stem, source.parent, mapping) for test in read_by_all(source, entries)]
 
 
 def _small_file(path: Path) -> MaterialSource:
@@ -229,7 +217,6 @@ def _board(
         )
     board = read_mapped(boards[0], entry)[0]
     if not isinstance(board, IndentationTest):
-        raise TableError(
-            f"{boards[0]}: named as rigid_board, but the mapping reads it as {entry.kind}, not as an indentation"
-        )
+        found = f"the mapping reads it as {entry.kind}, not as an indentation"
+        raise TableError(f"{boards[0]}: named as rigid_board, but {found}")
     return board, boards[:1]

@@ -37,13 +37,8 @@ from gelforge.mechanics.laws.homogeneous import LOAD_CASES, principal_stretches
 RELAXATION = "relaxation"  # as a `test` in samples.csv: a strip in uniaxial tension whose stretch is held
 KEEP = "keep_odd_rows"  # confirms what odd_rows.py would refuse
 CUT = "cut_after_fall"  # ends a curve where its stress falls at once
-CORRECTIONS = (
-    "toe",
-    "zero_force",
-    "zero_strain",
-    KEEP,
-    CUT,
-)  # made where samples.csv asks for them, stated in the findings
+# made where samples.csv asks for them, stated in the findings
+CORRECTIONS = ("toe", "zero_force", "zero_strain", KEEP, CUT)
 CIRCUMSTANCES = ("strain_rate_per_s", "age_days", "temperature_C", "cycle")
 
 # Sheets and strips, with ends less than a factor of 1000 apart: a width in m is refused (test_reading_material_tests.py).
@@ -115,13 +110,8 @@ def read_material_tests(folder: str | Path) -> list[MaterialTest]:
     moduli = _check_stress_level(folder, list(samples["file"]), curves)
     least, most = SHEAR_MODULUS_MPA
     limits = 1e3 * least, 1e3 * most
-    return [
-        replace(
-            curve,
-            findings=(*curve.findings, *unnoticed_unit(1e3 * modulus, limits, "a shear modulus", "kPa")),
-        )
-        for curve, modulus in zip(curves, moduli)
-    ]
+    odd = (unnoticed_unit(1e3 * modulus, limits, "a shear modulus", "kPa") for modulus in moduli)
+    return [replace(curve, findings=(*curve.findings, *said)) for curve, said in zip(curves, odd)]
 
 
 def _read_samples(folder: Path) -> pd.DataFrame:
@@ -135,27 +125,21 @@ def _read_samples(folder: Path) -> pd.DataFrame:
     known = (*LOAD_CASES, RELAXATION)
     seen: dict[tuple, int] = {}
     for line, row in samples.iterrows():
+        where, name = f"{path}, row {line}", row["sample"]
         if row.test not in known:
-            raise TableError(f"{path}, row {line}: test is {row.test!r}; one of {list(known)} is expected")
-        if not NAME.fullmatch(row["sample"]) or row["sample"] == "mean":
-            raise TableError(
-                f"{path}, row {line}: sample is {row['sample']!r}; use letters, digits, '_', '-', not 'mean'"
-            )
+            raise TableError(f"{where}: test is {row.test!r}; one of {list(known)} is expected")
+        if not NAME.fullmatch(name) or name == "mean":
+            raise TableError(f"{where}: sample is {name!r}; use letters, digits, '_', '-', not 'mean'")
         if row.history not in ("", *HISTORIES):
             raise TableError(
-                f"{path}, row {line}: history is {row.history!r}; one of {list(HISTORIES)} is expected, or empty"
+                f"{where}: history is {row.history!r}; one of {list(HISTORIES)} is expected, or empty"
             )
         if unknown := set(row.corrections.split()) - set(CORRECTIONS):
-            raise TableError(
-                f"{path}, row {line}: corrections has {sorted(unknown)}; known are {list(CORRECTIONS)}"
-            )
-        cycle = 1 if np.isnan(row["cycle"]) else int(row["cycle"])
-        if (row.test, row["sample"], cycle) in seen:
-            raise TableError(
-                f"{path}, row {line}: {row.test} sample {row['sample']!r} is also in row"
-                f" {seen[row.test, row['sample'], cycle]}; give each its own name (or its `cycle`)"
-            )
-        seen[row.test, row["sample"], cycle] = line
+            raise TableError(f"{where}: corrections has {sorted(unknown)}; known are {list(CORRECTIONS)}")
+        key = row.test, name, 1 if np.isnan(row["cycle"]) else int(row["cycle"])
+        if (before := seen.setdefault(key, line)) != line:
+            found = f"{row.test} sample {name!r} is also in row {before}"
+            raise TableError(f"{where}: {found}; give each its own name (or its `cycle`)")
     samples["history"] = [
         RELAXATION if row.test == RELAXATION else row.history or HISTORIES[0] for _, row in samples.iterrows()
     ]
@@ -165,22 +149,19 @@ def _read_samples(folder: Path) -> pd.DataFrame:
 def _read_sample(folder: Path, line: int, row: pd.Series, sections: dict[str, Mean]) -> MaterialTest:
     path = folder / row.file
     if not path.is_file():
-        raise TableError(
-            f"{folder / 'samples.csv'}, row {line}: file {row.file!r} is not in {folder};"
-            " add it or drop the row"
-        )
+        where = f"{folder / 'samples.csv'}, row {line}"
+        raise TableError(f"{where}: file {row.file!r} is not in {folder}; add it or drop the row")
     if "nominal_stress_kPa" in read_csv(path).columns:
         columns = ("stretch_1", "nominal_stress_kPa")
-        table = read_csv(path, numbers=columns, optional_numbers=("time_s", "stretch_2"))
+        table, said = read_csv(path, numbers=columns, optional_numbers=("time_s", "stretch_2")), []
         stretch, time_s = _checked_stretch(path, table, row.history), table["time_s"].to_numpy()
-        if np.isnan(time_s).any() and row.history == RELAXATION:
-            raise TableError(f"{path}: time_s is missing or empty; a hold needs the time of every row")
-        said: list[str] = []
         stress = table["nominal_stress_kPa"].to_numpy() * 1e-3 * stretch
-        if np.isnan(time_s).any():
-            time_s = None
-        else:
+        if not np.isnan(time_s).any():
             _check_time(path, table)
+        elif row.history == RELAXATION:
+            raise TableError(f"{path}: time_s is missing or empty; a hold needs the time of every row")
+        else:
+            time_s = None
         _check_lateral(path, row, table)
     else:
         h0, thickness_said = _thickness(folder, line, row, sections)
@@ -352,9 +333,8 @@ def _check_time(path: Path, table: pd.DataFrame) -> None:
     time = table["time_s"].to_numpy()
     if (np.diff(time) < 0).any():
         i = int(np.argmax(np.diff(time) < 0)) + 1
-        raise TableError(
-            f"{path}, row {table.index[i]}: time_s {time[i]:g} after {time[i - 1]:g}; sort the rows by time"
-        )
+        steps = f"time_s {time[i]:g} after {time[i - 1]:g}"
+        raise TableError(f"{path}, row {table.index[i]}: {steps}; sort the rows by time")
 
 
 def _check_lateral(path: Path, row: pd.Series, table: pd.DataFrame) -> None:
@@ -383,10 +363,8 @@ def _check_stress_level(folder: Path, names: list[str], curves: list[MaterialTes
     low, high = SHEAR_MODULUS_MPA
     typical = float(np.median(moduli))
     remedy = "check the units of force, pressure, width and thickness"
-    levels = [
-        f"{folder / n}: all rows together give a shear modulus of {m * 1e3:.3g} kPa"
-        for n, m in zip(names, moduli)
-    ]
+    found = "all rows together give a shear modulus of"
+    levels = [f"{folder / n}: {found} {m * 1e3:.3g} kPa" for n, m in zip(names, moduli)]
     for text, modulus in zip(levels, moduli):
         if not low <= modulus <= high:
             raise TableError(f"{text}; a soft elastomer has {low * 1e3:g} to {high * 1e3:g} kPa, {remedy}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import chain
 from pathlib import Path
 
 from gelforge.config import ConfigError
@@ -17,10 +18,9 @@ def small_test_files(folder: str | Path) -> list[Path]:
     folder = Path(folder)
     # what is there and no file, a pipe or a dangling link, is refused where it is read
     named = [folder / name for name in (FRICTION, THICKNESS) if os.path.lexists(folder / name)]
-    presses = [
-        p.with_suffix(".csv") for p in sorted(folder.glob("*.yaml")) if os.path.lexists(p.with_suffix(".csv"))
-    ]
-    return list(dict.fromkeys([*named, *(file for press in presses for file in press_files(press))]))
+    tables = (sidecar.with_suffix(".csv") for sidecar in sorted(folder.glob("*.yaml")))
+    presses = [press_files(table) for table in tables if os.path.lexists(table)]
+    return list(dict.fromkeys([*named, *chain.from_iterable(presses)]))
 
 
 def press_files(path: Path) -> list[Path]:
@@ -37,12 +37,11 @@ def read_small_tests(folder: str | Path) -> SmallTests:
     """Return the small tests of a folder; raises TableError or ConfigError with file, value and remedy."""
     files = small_test_files(folder)
     by_name = {path.name: path for path in files}
+    presses = [path for path in files if path.with_suffix(".yaml") in files and path.suffix == ".csv"]
     return SmallTests(
         static_friction(by_name[FRICTION]) if FRICTION in by_name else None,
         sheet_thickness(by_name[THICKNESS]) if THICKNESS in by_name else {},
-        tuple(
-            read_press(path) for path in files if path.with_suffix(".yaml") in files and path.suffix == ".csv"
-        ),
+        tuple(map(read_press, presses)),
     )
 
 

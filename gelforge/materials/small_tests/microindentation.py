@@ -11,6 +11,7 @@ The contact point is searched for: at each candidate the rest follows by linear 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -24,10 +25,8 @@ COEFFICIENTS = (1.133, 1.283, 0.769, 0.0975)
 # Dimitriadis et al. 2002 compare with finite elements up to about here.
 LARGEST_CHI = 1.0
 LARGEST_DEPTH_TO_RADIUS = 0.3  # the parabola stands for the ball: Hertz is then off by less than 5 %
-LARGEST_GIVE = (
-    0.7  # of the travel in contact; the sample's share is then the small difference of large numbers
-)
-
+# of the travel in contact; the sample's share is then the small difference of large numbers
+LARGEST_GIVE = 0.7
 # The modulus is found to 1 %, and 95 % intervals hold it in 34 of 40 draws at least (tests/materials/test_small_tests.py):
 LEAST_ROWS = 8  # in contact
 BEFORE_START = 0.05  # of the travel: machines that zero where they touch begin so near to the contact
@@ -60,9 +59,7 @@ def layer_factor(depth_mm, radius_mm: float, thickness_mm: float | None):
 
 
 def fit_modulus(
-    test: IndentationTest,
-    thickness_mm: float | None = None,
-    machine: IndentationTest | None = None,
+    test: IndentationTest, thickness_mm: float | None = None, machine: IndentationTest | None = None
 ) -> Modulus:
     """Return Young's modulus of an incompressible layer from one loading by a ball.
 
@@ -96,34 +93,24 @@ def fit_modulus(
         if give.max() > LARGEST_GIVE * travel:
             raise ValueError(
                 f"{test.source}: the machine gives {give.max():.3g} mm on the board, the indentation itself travels"
-                f" {travel:.3g} mm in contact; at most {LARGEST_GIVE:.0%} of it can be distinguished from the"
-                " specimen: stiffen the"
-                " fixture, press a softer or thicker sample, or track the surface"
+                f" {travel:.3g} mm in contact; at most {LARGEST_GIVE:.0%} of it can be distinguished from the specimen:"
+                " stiffen the fixture, press a softer or thicker sample, or track the surface"
             )
         said.append(f"the machine gives {give.max():.3g} mm of {np.ptp(z):.3g} mm travel")
         z = z - give
     contact, (rest, E), residual = _search(z, F, R, thickness_mm)
     depth = z - contact
     model = rest + E * _shape(depth, R, thickness_mm)
-    moduli = [
-        _refitted(z, again, R, thickness_mm, contact)
-        for again in resampled(model, residual, BOOTSTRAPS, np.random.default_rng(0))
-    ]
+    drawn = resampled(model, residual, BOOTSTRAPS, np.random.default_rng(0))
+    moduli = [_refitted(z, again, R, thickness_mm, contact) for again in drawn]
     deepest = float(depth.max())
     if (depth > 0).mean() > AT_TOUCH:
         said.append(
             "the rows begin at the touch: the force at rest is found with the modulus, which widens the interval"
         )
     said += _limits(deepest, R, thickness_mm, (depth > 0).sum(), machine)
-    return Modulus(
-        float(E),
-        percentile_interval(moduli),
-        float(contact),
-        float(rest),
-        deepest,
-        float(layer_factor(deepest, R, thickness_mm)),
-        tuple(said),
-    )
+    interval, factor = percentile_interval(moduli), float(layer_factor(deepest, R, thickness_mm))
+    return Modulus(float(E), interval, float(contact), float(rest), deepest, factor, tuple(said))
 
 
 def contact_point(position_mm, force_N, radius_mm: float, thickness_mm: float | None = None) -> float:
@@ -176,10 +163,8 @@ class Adhesion:
                 f"The withdrawal does not come back to the baseline (shift {self.baseline_shift_N:.3g} N): still"
                 " attached, tilt or drag; adhesion cannot be judged, withdraw further."
             )
-        text = (
-            f"The pull-off force is {self.ratio:.0%} of the largest push ({self.pull_off_N:.3g} N,"
-            f" {self.noise_N:.1g} N noise)"
-        )
+        size = f"{self.pull_off_N:.3g} N, {self.noise_N:.1g} N noise"
+        text = f"The pull-off force is {self.ratio:.0%} of the largest push ({size})"
         if self.pull_off_N < 5 * self.noise_N or self.ratio < 0.05:
             return f"{text}: adhesion is negligible."
         return f"{text}: significant adhesion, which Hertz leaves out."
@@ -213,13 +198,8 @@ def _search(z, F, radius, thickness):
     before = z.min() - BEFORE_START * np.ptp(z)
     grid = np.linspace(before, inner[-1], 84)
     best = int(np.argmin([_cost(z, F, contact, radius, thickness) for contact in grid]))
-    low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    minimum = minimize_scalar(
-        lambda contact: _cost(z, F, contact, radius, thickness),
-        bounds=(low, high),
-        method="bounded",
-        options={"xatol": 1e-6 * np.ptp(z)},
-    ).x
+    bounds = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    minimum = _best_contact(z, F, radius, thickness, bounds, xatol=1e-6 * np.ptp(z))
     beta, residual = _linear(z, F, minimum, radius, thickness)
     if best == 0 or not beta[1] > 0:
         raise ValueError(
@@ -244,8 +224,8 @@ def _cost(z, F, contact, radius, thickness) -> float:
 def _give(machine: IndentationTest, force) -> np.ndarray:
     """Return the position of the machine pressed on a rigid board at each force (n,) [mm], 0 at its touch."""
     F = np.asarray(machine.force_N, dtype=float)
-    rest = np.median(F[: max(len(F) // 4, 3)])
-    noise = np.std(F[: max(len(F) // 4, 3)])
+    before = F[: max(len(F) // 4, 3)]
+    rest, noise = np.median(before), np.std(before)
     first = int(np.argmax(F - rest > 5 * noise + 0.01 * np.ptp(F)))
     if first == 0:
         raise ValueError(
@@ -266,12 +246,14 @@ def _give(machine: IndentationTest, force) -> np.ndarray:
 def _refitted(z, F, radius, thickness, contact) -> float:
     """Return Young's modulus of forces F (n,), the contact point searched for near the one that is known."""
     width = 0.05 * np.ptp(z)
-    minimum = minimize_scalar(
-        lambda at: _cost(z, F, at, radius, thickness),
-        bounds=(contact - width, contact + width),
-        method="bounded",
-    )
-    return _linear(z, F, minimum.x, radius, thickness)[0][1]
+    minimum = _best_contact(z, F, radius, thickness, (contact - width, contact + width))
+    return _linear(z, F, minimum, radius, thickness)[0][1]
+
+
+def _best_contact(z, F, radius, thickness, bounds: tuple[float, float], **options: float) -> float:
+    """Return the contact position within bounds of least squared error."""
+    cost = partial(_cost, z, F, radius=radius, thickness=thickness)
+    return minimize_scalar(cost, bounds=bounds, method="bounded", options=options).x
 
 
 def _limits(deepest, radius, thickness, rows, machine) -> list[str]:
@@ -285,10 +267,8 @@ def _limits(deepest, radius, thickness, rows, machine) -> list[str]:
         )
     if thickness is None:
         said.append("no layer thickness is given: a half space is assumed, a thin layer would seem too stiff")
-    elif np.sqrt(radius * deepest) / thickness > LARGEST_CHI:
-        said.append(
-            f"sqrt(R d)/h is {np.sqrt(radius * deepest) / thickness:.2f}, beyond the correction's {LARGEST_CHI:g}"
-        )
+    elif (chi := np.sqrt(radius * deepest) / thickness) > LARGEST_CHI:
+        said.append(f"sqrt(R d)/h is {chi:.2f}, beyond the correction's {LARGEST_CHI:g}")
     if machine is None:
         said.append(
             "no test on a rigid board is given: the machine's compliance is counted as the specimen's"

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from gelforge.materials.basis.common_form import ForcePair, IndentationTest
 from gelforge.materials.basis.measured_effects import MeasuredEffect
-from gelforge.materials.basis.statistics import Mean, mean_of
+from gelforge.materials.basis.statistics import Mean, grouped, mean_of
 from gelforge.materials.small_tests.microindentation import adhesion, fit_modulus
-from gelforge.materials.small_tests.trials import (
-    FRICTION,
-    by_place,
-    gain_mismatch,
-    pressed_pairs,
-)
+from gelforge.materials.small_tests.trials import FRICTION, gain_mismatch, pressed_pairs
 
 T_INTERVAL = "Student's t over the trials"
 # Of the largest force of an indentation: as much as load cells of class 1 may be off (ISO 7500-1:2018).
@@ -83,20 +79,13 @@ def _keep(effects: list, not_judged: list, effect: str, measure) -> None:
 
 def _friction(mu: Mean) -> MeasuredEffect:
     low, high = mu.interval
-    return MeasuredEffect(
-        "friction",
-        "tilt",
-        "static friction coefficient",
-        mu.value,
-        mu.interval,
-        T_INTERVAL,
-        "1",
-        "measured",
+    sentence = (
         f"The static friction coefficient is {mu.value:.3f} (95 % interval {low:.3f} to {high:.3f}, {mu.count} tilt"
-        f" trials that scatter by {mu.deviation:.3f}).",
-        (),
-        {"deviation": mu.deviation, "trials": mu.count},
+        f" trials that scatter by {mu.deviation:.3f})."
     )
+    what = "friction", "tilt", "static friction coefficient"
+    parameters = {"deviation": mu.deviation, "trials": mu.count}
+    return MeasuredEffect(*what, mu.value, mu.interval, T_INTERVAL, "1", "measured", sentence, (), parameters)
 
 
 def _thickness(by_sample: dict[str, Mean]) -> MeasuredEffect:
@@ -104,23 +93,17 @@ def _thickness(by_sample: dict[str, Mean]) -> MeasuredEffect:
     mean = next(iter(by_sample.values())) if single else mean_of([m.value for m in by_sample.values()])
     error = float(np.sqrt(np.mean([(m.standard_error / m.value) ** 2 for m in by_sample.values()])))
     low, high = mean.interval
-    return MeasuredEffect(
-        "sheet_thickness",
-        "sections",
-        "thickness of the sheets",
-        mean.value,
-        mean.interval,
-        "Student's t over the sections" if single else "Student's t over the samples",
-        "mm",
-        "measured",
+    sentence = (
         f"The sheets are {mean.value:.4g} mm thick (95 % interval {low:.4g} to {high:.4g}, {len(by_sample)} sample"
-        f"{'' if single else 's'}); the thickness of one sample is known to {error:.2%}, and so is its stress.",
-        tuple(by_sample),
-        {
-            "relative_standard_error_of_a_sample": error,
-            "thickness_mm_by_sample": {name: m.value for name, m in by_sample.items()},
-        },
+        f"{'' if single else 's'}); the thickness of one sample is known to {error:.2%}, and so is its stress."
     )
+    what = "sheet_thickness", "sections", "thickness of the sheets"
+    size = mean.value, mean.interval, f"Student's t over the {'sections' if single else 'samples'}", "mm"
+    parameters = {
+        "relative_standard_error_of_a_sample": error,
+        "thickness_mm_by_sample": {name: m.value for name, m in by_sample.items()},
+    }
+    return MeasuredEffect(*what, *size, "measured", sentence, tuple(by_sample), parameters)
 
 
 def _modulus(press: Press) -> MeasuredEffect:
@@ -129,44 +112,31 @@ def _modulus(press: Press) -> MeasuredEffect:
     fit, name = fit_modulus(loaded, press.thickness_mm, press.board), press.test.sample
     low, high = fit.interval
     said = f" Beware: {'; '.join(fit.warnings)}." if fit.warnings else ""
-    return MeasuredEffect(
-        "microindentation",
-        "indentation",
-        "Young's modulus by Hertz with thin-layer correction",
-        fit.youngs_modulus,
-        fit.interval,
-        "bootstrap of the indentation's residuals (one indentation)",
-        "MPa",
-        "measured",
+    sentence = (
         f"{name}: Young's modulus {fit.youngs_modulus:.4g} MPa (95 % interval {low:.4g} to {high:.4g}), contact at"
-        f" {fit.contact_mm:.4g} mm, the layer's thickness raises the force by {fit.correction - 1:.1%}.{said}",
-        (name,),
-        {
-            "ball_radius_mm": press.test.ball_radius_mm,
-            "layer_thickness_mm": press.thickness_mm,
-            "contact_mm": fit.contact_mm,
-            "largest_depth_mm": fit.largest_depth_mm,
-            "layer_factor": fit.correction,
-        },
+        f" {fit.contact_mm:.4g} mm, the layer's thickness raises the force by {fit.correction - 1:.1%}.{said}"
     )
+    what = "microindentation", "indentation", "Young's modulus by Hertz with thin-layer correction"
+    source = "bootstrap of the indentation's residuals (one indentation)"
+    parameters = {
+        "ball_radius_mm": press.test.ball_radius_mm,
+        "layer_thickness_mm": press.thickness_mm,
+        "contact_mm": fit.contact_mm,
+        "largest_depth_mm": fit.largest_depth_mm,
+        "layer_factor": fit.correction,
+    }
+    size = fit.youngs_modulus, fit.interval, source, "MPa"
+    return MeasuredEffect(*what, *size, "measured", sentence, (name,), parameters)
 
 
 def _mean_modulus(moduli: list[MeasuredEffect]) -> MeasuredEffect:
     mean = mean_of([m.value for m in moduli])
     low, high = mean.interval
-    return MeasuredEffect(
-        "microindentation",
-        "indentation",
-        "Young's modulus, mean of indentations",
-        mean.value,
-        mean.interval,
-        "Student's t over the indentations",
-        "MPa",
-        "measured",
-        f"The mean of {mean.count} indentations is {mean.value:.4g} MPa (95 % interval {low:.4g} to {high:.4g}).",
-        tuple(m.samples[0] for m in moduli),
-        {"deviation_MPa": mean.deviation},
-    )
+    sentence = f"The mean of {mean.count} indentations is {mean.value:.4g} MPa (95 % interval {low:.4g} to {high:.4g})."
+    what = "microindentation", "indentation", "Young's modulus, mean of indentations"
+    size = mean.value, mean.interval, "Student's t over the indentations", "MPa"
+    samples = tuple(m.samples[0] for m in moduli)
+    return MeasuredEffect(*what, *size, "measured", sentence, samples, {"deviation_MPa": mean.deviation})
 
 
 def _creep(test: IndentationTest, segment: str) -> MeasuredEffect:
@@ -177,20 +147,14 @@ def _creep(test: IndentationTest, segment: str) -> MeasuredEffect:
     lasts = None if held.time_s is None else float(held.time_s[-1] - held.time_s[0])
     time = "" if lasts is None else f" of {lasts:.4g} s"
     share = f", {changed / force:+.1%}" if force else ""
-    return MeasuredEffect(
-        "relaxation",
-        "indentation",
-        "further depth in a hold",
-        moved,
-        (moved - noise, moved + noise),
-        "scatter of neighbouring rows (one indentation)",
-        "mm",
-        "measured",
+    sentence = (
         f"{test.sample}: In the hold{time} the ball sinks by {moved * 1e3:.3g} um and the force changes by {changed:.2g} N"
-        f"{share}.",
-        (test.sample,),
-        {"hold_s": lasts, "force_change_N": changed, "force_N": force},
+        f"{share}."
     )
+    what = "relaxation", "indentation", "further depth in a hold"
+    size = moved, (moved - noise, moved + noise), "scatter of neighbouring rows (one indentation)", "mm"
+    parameters = {"hold_s": lasts, "force_change_N": changed, "force_N": force}
+    return MeasuredEffect(*what, *size, "measured", sentence, (test.sample,), parameters)
 
 
 def _row_noise(values: np.ndarray) -> float:
@@ -212,30 +176,25 @@ def _adhesion(test: IndentationTest) -> MeasuredEffect:
             f"{test.source}: its segments {names} have no approach or no withdrawal; both are needed"
         )
     pulled = adhesion(test.in_segment(into), test.in_segment(out))
-    verdict = "cannot be judged"
+    noise = 2 * pulled.noise_N / pulled.largest_push_N
+    verdict, interval, source = "cannot be judged", None, "none: the ball stays attached"
     if pulled.detached:
         verdict = "significant adhesion" if "significant" in pulled.sentence else "negligible"
-    noise = 2 * pulled.noise_N / pulled.largest_push_N
-    return MeasuredEffect(
-        "adhesion",
-        "indentation",
-        "pull-off force over the largest push",
-        pulled.ratio,
-        (pulled.ratio - noise, pulled.ratio + noise) if pulled.detached else None,
-        "noise of the force (one indentation)" if pulled.detached else "none: the ball stays attached",
-        "1",
-        verdict,
-        f"{test.sample}: {pulled.sentence}",
-        (test.sample,),
-        {"pull_off_N": pulled.pull_off_N, "largest_push_N": pulled.largest_push_N},
-    )
+        interval, source = (
+            (pulled.ratio - noise, pulled.ratio + noise),
+            "noise of the force (one indentation)",
+        )
+    what = "adhesion", "indentation", "pull-off force over the largest push"
+    sentence = f"{test.sample}: {pulled.sentence}"
+    parameters = {"pull_off_N": pulled.pull_off_N, "largest_push_N": pulled.largest_push_N}
+    size = pulled.ratio, interval, source, "1"
+    return MeasuredEffect(*what, *size, verdict, sentence, (test.sample,), parameters)
 
 
 def _gain(pair: ForcePair) -> MeasuredEffect:
     mean, presses = gain_mismatch(pair), pressed_pairs(pair)
     low, high = mean.interval
-    gains = by_place([(p.place, p.gain) for p in presses])
-    ratios = by_place([(p.place, p.ratio) for p in presses])
+    gains = grouped((p.place, p.gain) for p in presses)
     offsets = [p.offset_N / p.largest_N for p in presses]
     single = [float(np.std(v, ddof=1)) for v in gains.values() if len(v) > 1]
     within = max(single, default=float("nan"))
@@ -252,18 +211,21 @@ def _gain(pair: ForcePair) -> MeasuredEffect:
         )
     if max(map(abs, offsets)) > NOTABLE_OFFSET:
         text += f"; an offset of {min(offsets):+.1%} to {max(offsets):+.1%} of the force comes with the load and is no gain"
-    verdict = (
-        "depends on the place" if place_matters else "undecided" if low <= 0 <= high else "significant gain"
-    )
-    return MeasuredEffect(
-        "load_cell_gain", "force_pair", "force of the second load cell over the first (slope), less 1", mean.value,
-        mean.interval, "Student's t over the places", "1", verdict, f"{text}.", (pair.sample,),
-        {
-            "gain_by_place": {place: float(np.mean(v)) for place, v in gains.items()},
-            "ratio_at_largest_force_by_place": {place: float(np.mean(v)) for place, v in ratios.items()},
-            "offset_under_load_N_by_place": {
-                place: float(np.mean(v)) for place, v in by_place([(p.place, p.offset_N) for p in presses]).items()
-            },
-            "deviation_within_a_place": within if np.isfinite(within) else None,
-        },
-    )  # fmt: skip
+    verdict = "undecided" if low <= 0 <= high else "significant gain"
+    if place_matters:
+        verdict = "depends on the place"
+
+    def mean_by_place(values: Iterable[float]) -> dict[str, float]:
+        return {
+            place: float(np.mean(v)) for place, v in grouped(zip((p.place for p in presses), values)).items()
+        }
+
+    what = "load_cell_gain", "force_pair", "force of the second load cell over the first (slope), less 1"
+    parameters = {
+        "gain_by_place": mean_by_place(p.gain for p in presses),
+        "ratio_at_largest_force_by_place": mean_by_place(p.ratio for p in presses),
+        "offset_under_load_N_by_place": mean_by_place(p.offset_N for p in presses),
+        "deviation_within_a_place": within if np.isfinite(within) else None,
+    }
+    size = mean.value, mean.interval, "Student's t over the places", "1"
+    return MeasuredEffect(*what, *size, verdict, f"{text}.", (pair.sample,), parameters)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gelforge.csv_table import TableError, read_csv
 from gelforge.materials.basis.common_form import ForcePair
-from gelforge.materials.basis.statistics import Mean, mean_of
+from gelforge.materials.basis.statistics import LEAST_SAMPLES, Mean, grouped, mean_of
 
 FRICTION, THICKNESS = "friction.csv", "thickness.csv"  # files of a folder
 # Radians end at pi / 2 = 1.571, and 0.7 is refused (tests/materials/test_small_tests.py); a friction of 0.028 is no
@@ -17,7 +17,6 @@ FRICTION, THICKNESS = "friction.csv", "thickness.csv"  # files of a folder
 TILT_DEG = (1.6, 80.0)
 # A sheet of 20 um in um, and one of 15 mm in m, fall out; 500 and 0.0005 are refused (test_reading_material_tests.py).
 THICKNESS_MM = (0.02, 15.0)
-LEAST_TRIALS = 3  # Two leave one degree of freedom, of which Student's t (1908) is 12.7 at 95 %.
 LEAST_RISE = 0.5  # of the largest force of an indentation
 
 
@@ -51,9 +50,7 @@ class PressedPair:
 
     place: str
     gain: float
-    offset_N: (
-        float  # 0 at rest by definition: what is left comes with the load (friction, a force that bypasses)
-    )
+    offset_N: float  # 0 at rest: what is left comes with the load (friction, a force that bypasses)
     ratio: float  # force_2 / force_1 - 1 at the largest force: gain and offset together
     largest_N: float
 
@@ -65,21 +62,13 @@ def gain_mismatch(pair: ForcePair) -> Mean:
     each counts once. All indentations in one regression would weigh places by their rows, and the line of one force over
     the other would differ from the converse, as the scatter is that between places and in both.
     """
-    gains = by_place([(press.place, press.gain) for press in pressed_pairs(pair)])
-    if len(gains) < LEAST_TRIALS:
+    gains = grouped((press.place, press.gain) for press in pressed_pairs(pair))
+    if len(gains) < LEAST_SAMPLES:
         raise ValueError(
-            f"{pair.source}: {sum(map(len, gains.values()))} indentations at {len(gains)} places; {LEAST_TRIALS} independent"
-            " ones at least give the scatter of the gain"
+            f"{pair.source}: {sum(map(len, gains.values()))} indentations at {len(gains)} places; {LEAST_SAMPLES}"
+            " independent ones at least give the scatter of the gain"
         )
     return mean_of([np.mean(at_place) for at_place in gains.values()])
-
-
-def by_place(values: list[tuple[str, float]]) -> dict[str, list[float]]:
-    """Return the values of each place, in the order of their first appearance."""
-    by_name: dict[str, list[float]] = {}
-    for place, value in values:
-        by_name.setdefault(place, []).append(value)
-    return by_name
 
 
 def pressed_pairs(pair: ForcePair, loaded_share: float = 0.05) -> list[PressedPair]:
@@ -173,7 +162,7 @@ def _within(path: Path, column, limits, remedy: str) -> None:
 
 
 def _enough(path: Path, count: int, what: str) -> None:
-    if count < LEAST_TRIALS:
+    if count < LEAST_SAMPLES:
         raise TableError(
-            f"{path}: {count} {what}; {LEAST_TRIALS} at least are needed for an uncertainty, add some"
+            f"{path}: {count} {what}; {LEAST_SAMPLES} at least are needed for an uncertainty, add some"
         )
