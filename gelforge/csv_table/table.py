@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+# longest first
 MARKS = {
     codecs.BOM_UTF32_LE: "utf-32",
     codecs.BOM_UTF32_BE: "utf-32",
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
-}  # longest first
+}
 NOTHING = {"", "nan", "na", "n/a", "null"}  # as programs write a value that is not there
 SEPARATORS = {  # sign: its name, and the value of the key `separator` where there is one
     ";": ("semicolon", "';'"),
@@ -330,9 +331,8 @@ def _check_lengths(path: Path, header: list[str], rows: list, named: int, form: 
     More cells are separators at the end of a row, and harmless, if the header or every row has them. In one row they may be
     one separator too many farther left, which moves all values that follow into the next column.
     """
-    below = (
-        rows[2:] if form.header and form.units_row is not False else rows[1:]
-    )  # a row of units may be shorter
+    # a row of units may be shorter
+    below = rows[2:] if form.header and form.units_row is not False else rows[1:]
     usual = min((len(cells) for _, cells in below), default=named)
     for line, cells in rows[1:]:
         if len(cells) < len(header) or any(cells[len(header) :]):

@@ -13,9 +13,8 @@ AMBIENT = 0.45  # share of light that reaches a ball's rim; the lamps stand arou
 FADE = 0.35  # share of brightness lost from the nearest to the farthest particle
 
 
-GREY_OF_RGB = np.array(
-    [0.299, 0.587, 0.114]
-)  # the reader's: OpenCV's grey of red, green and blue (ITU-R BT.601)
+# the reader's: OpenCV's grey of red, green and blue (ITU-R BT.601)
+GREY_OF_RGB = np.array([0.299, 0.587, 0.114])
 
 
 def picture(

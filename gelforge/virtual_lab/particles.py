@@ -144,9 +144,8 @@ def _printed(dots: PrintedDots, diameter: float, sensor: Sensor, rng: np.random.
             f"dots {diameter:g} mm wide every {dots.spacing_mm:g} mm overlap; make spacing_mm larger or diameter_mm smaller"
         )
     low, high = (corner[:2] for corner in dots_box(dots, sensor))
-    count = (
-        int(np.hypot(*(high - low)) / dots.spacing_mm) + 2
-    )  # more than along the diagonal: some fall outside
+    # more than along the diagonal: some fall outside
+    count = int(np.hypot(*(high - low)) / dots.spacing_mm) + 2
     line = (np.arange(count) - (count - 1) / 2) * dots.spacing_mm
     grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     angle = np.radians(dots.rotation_deg) * rng.standard_normal()
@@ -232,9 +231,10 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
             "the site was solved with another sensor"
         )
     xi = (points - low[containing]) / (high[containing] - low[containing])  # (P, 3) in [0, 1]
+    # (P, 8, 3)
     at_high = (
         corners[containing] - low[containing][:, None] > 0.5 * (high[containing] - low[containing])[:, None]
-    )  # (P, 8, 3)
+    )
     weights = np.where(at_high, xi[:, None], 1 - xi[:, None]).prod(axis=2)  # (P, 8)
     rows = np.repeat(np.arange(len(points)), 8)
     return csr_array(

@@ -157,10 +157,8 @@ def _check(lens: Calibration, rms_px: float) -> None:
             "tilt the board by 20 to 40 degrees in all directions"
         )
     width, height = lens.views.size
-    (left, right), (top, bottom) = (
-        (-0.5, width - 0.5),
-        (-0.5, height - 0.5),
-    )  # borders of the outermost pixels
+    # borders of the outermost pixels
+    (left, right), (top, bottom) = ((-0.5, width - 0.5), (-0.5, height - 0.5))
     u, v = np.linspace(left, right, 21), np.linspace(top, bottom, 21)
     border = [(a, b) for a in u for b in (top, bottom)] + [(a, b) for a in (left, right) for b in v]
     try:

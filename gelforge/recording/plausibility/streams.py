@@ -117,9 +117,8 @@ def spread_stamps(stamps: np.ndarray, counts: np.ndarray, tick: float) -> np.nda
     numpy.ndarray
         (counts.sum(),) [s].
     """
-    room = np.minimum(
-        np.append(np.diff(stamps), tick), tick
-    )  # a gap behind a stamp is no room for its samples
+    # a gap behind a stamp is no room for its samples
+    room = np.minimum(np.append(np.diff(stamps), tick), tick)
     number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.repeat(stamps, counts) + number * np.repeat(room / counts, counts)
 
