@@ -44,9 +44,8 @@ def read_csv(
     *,
     numbers: Sequence[str] = (),
     optional_numbers: Sequence[str] = (),
-    texts: Sequence[str] = (),
-    optional_texts: Sequence[str] = (),
     form: CsvForm = STANDARD,
+    **texts: Sequence[str],
 ) -> pd.DataFrame:
     """Return a CSV file as a table.
 
@@ -58,12 +57,12 @@ def read_csv(
         Columns that must be there and hold a finite number in every row.
     optional_numbers : sequence of str
         Columns of numbers that may be absent or have empty cells (NaN).
+    form : CsvForm
+        Separator, decimal sign, header and filters; by default a comma, a point and a header.
     texts : sequence of str
         Columns that must be there and have no empty cell.
     optional_texts : sequence of str
         Columns of text that may be absent or have empty cells ("").
-    form : CsvForm
-        Separator, decimal sign, header and filters; by default a comma, a point and a header.
 
     Returns
     -------
@@ -77,12 +76,7 @@ def read_csv(
         row, value and remedy.
     """
     lines, columns = read_columns(
-        path,
-        numbers=numbers,
-        optional_numbers=optional_numbers,
-        texts=texts,
-        optional_texts=optional_texts,
-        form=form,
+        path, numbers=numbers, optional_numbers=optional_numbers, form=form, **texts
     )
     import pandas as pd  # a third of a second, which who reads columns does without
 
@@ -132,21 +126,14 @@ def read_columns(
         raise TableError(f"{path}: no rows below the header; at least one is needed")
     lines = [line for line, _ in rows[1:]]
     columns: dict[str, list] = dict(zip(header, map(list, zip(*(cells for _, cells in rows[1:])))))
-    for name in numbers:
-        clock = form.units.get(name) == CLOCK
-        columns[name] = numbers_of(path, name, lines, columns[name], signs, clock, empty_allowed=False)
-    for name in optional_numbers:
-        given = columns.get(name)
-        columns[name] = (
-            [math.nan] * len(lines)
-            if given is None
-            else numbers_of(path, name, lines, given, signs, False, empty_allowed=True)
-        )
+    for name in (*optional_numbers, *optional_texts):
+        columns.setdefault(name, [""] * len(lines))
+    for name in (*numbers, *optional_numbers):
+        clock = name in numbers and form.units.get(name) == CLOCK
+        columns[name] = numbers_of(path, name, lines, columns[name], signs, clock, name in optional_numbers)
     for name in texts:
         if "" in columns[name]:
             raise TableError(f"{path}, row {lines[columns[name].index('')]}: {name} is empty; fill it")
-    for name in optional_texts:
-        columns.setdefault(name, [""] * len(lines))
     return lines, columns
 
 

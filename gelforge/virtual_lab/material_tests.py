@@ -23,7 +23,9 @@ from gelforge.mechanics.laws.models.ogden import Ogden
 GAUGE_MM = {"uniaxial": (40.0, 10.0), "pure_shear": (10.0, 60.0), "equibiaxial": (30.0, 30.0)}
 THICKNESS_MM, STRAIN_RATE_PER_S = 0.5, 0.003
 THICKNESS_SCATTER = 0.04  # of cast sheets; the thickness of each sample is measured, so it costs no accuracy
-ROWS = 80  # of a test: a strain of 0.025 or less from one to the next
+# Of a test: a strain of 0.025 or less from one to the next. Largest strain 2 over 80 rows (Sferrazza et al. 2019, sec.
+# II-A).
+ROWS = 80
 TRACKING_NOISE = 0.002  # of the lateral stretch
 
 

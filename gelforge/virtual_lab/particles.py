@@ -16,7 +16,9 @@ from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.symmetry import transform_points, transform_vectors
 
-SAME_MM = 1e-4  # coordinates this close are one: site files may hold float32, and no element is that thin
+# Coordinates this close are one: site files may hold float32, and no element is that thin. float32 holds 30 mm to 2e-6
+# mm (IEEE 754-2008).
+SAME_MM = 1e-4
 
 
 class VirtualLabError(ValueError):
@@ -218,11 +220,10 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
         matching = np.flatnonzero((last - first == span).all(axis=1))
         for step in np.ndindex(*span):
             element[tuple((first[matching] + step).T)] = matching
-    place = [np.searchsorted(a, points[:, k], side="right") - 1 for k, a in enumerate(axes)]
-    place = [
-        np.where(np.abs(points[:, k] - a[-1]) <= SAME_MM, len(a) - 2, p)
-        for k, (a, p) in enumerate(zip(axes, place))
-    ]
+    place = []
+    for a, at in zip(axes, np.transpose(points)):  # the last coordinate belongs to the last interval
+        interval = np.searchsorted(a, at, side="right") - 1
+        place.append(np.where(np.abs(at - a[-1]) <= SAME_MM, len(a) - 2, interval))
     inside = np.all([(p >= 0) & (p < len(a) - 1) for a, p in zip(axes, place)], axis=0)
     containing = np.where(inside, element[tuple(np.where(inside, p, 0) for p in place)], -1)
     if (containing < 0).any():
@@ -232,9 +233,8 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
         )
     xi = (points - low[containing]) / (high[containing] - low[containing])  # (P, 3) in [0, 1]
     # (P, 8, 3)
-    at_high = (
-        corners[containing] - low[containing][:, None] > 0.5 * (high[containing] - low[containing])[:, None]
-    )
+    middle = 0.5 * (high[containing] - low[containing])[:, None]
+    at_high = corners[containing] - low[containing][:, None] > middle
     weights = np.where(at_high, xi[:, None], 1 - xi[:, None]).prod(axis=2)  # (P, 8)
     rows = np.repeat(np.arange(len(points)), 8)
     return csr_array(
