@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+# longest first
 MARKS = {
     codecs.BOM_UTF32_LE: "utf-32",
     codecs.BOM_UTF32_BE: "utf-32",
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
-}  # longest first
+}
 NOTHING = {"", "nan", "na", "n/a", "null"}  # as programs write a value that is not there
 SEPARATORS = {  # sign: its name, and the value of the key `separator` where there is one
     ";": ("semicolon", "';'"),
@@ -43,9 +44,8 @@ def read_csv(
     *,
     numbers: Sequence[str] = (),
     optional_numbers: Sequence[str] = (),
-    texts: Sequence[str] = (),
-    optional_texts: Sequence[str] = (),
     form: CsvForm = STANDARD,
+    **texts: Sequence[str],
 ) -> pd.DataFrame:
     """Return a CSV file as a table.
 
@@ -57,12 +57,12 @@ def read_csv(
         Columns that must be there and hold a finite number in every row.
     optional_numbers : sequence of str
         Columns of numbers that may be absent or have empty cells (NaN).
+    form : CsvForm
+        Separator, decimal sign, header and filters; by default a comma, a point and a header.
     texts : sequence of str
         Columns that must be there and have no empty cell.
     optional_texts : sequence of str
         Columns of text that may be absent or have empty cells ("").
-    form : CsvForm
-        Separator, decimal sign, header and filters; by default a comma, a point and a header.
 
     Returns
     -------
@@ -76,12 +76,7 @@ def read_csv(
         row, value and remedy.
     """
     lines, columns = read_columns(
-        path,
-        numbers=numbers,
-        optional_numbers=optional_numbers,
-        texts=texts,
-        optional_texts=optional_texts,
-        form=form,
+        path, numbers=numbers, optional_numbers=optional_numbers, form=form, **texts
     )
     import pandas as pd  # a third of a second, which who reads columns does without
 
@@ -131,21 +126,14 @@ def read_columns(
         raise TableError(f"{path}: no rows below the header; at least one is needed")
     lines = [line for line, _ in rows[1:]]
     columns: dict[str, list] = dict(zip(header, map(list, zip(*(cells for _, cells in rows[1:])))))
-    for name in numbers:
-        clock = form.units.get(name) == CLOCK
-        columns[name] = numbers_of(path, name, lines, columns[name], signs, clock, empty_allowed=False)
-    for name in optional_numbers:
-        given = columns.get(name)
-        columns[name] = (
-            [math.nan] * len(lines)
-            if given is None
-            else numbers_of(path, name, lines, given, signs, False, empty_allowed=True)
-        )
+    for name in (*optional_numbers, *optional_texts):
+        columns.setdefault(name, [""] * len(lines))
+    for name in (*numbers, *optional_numbers):
+        clock = name in numbers and form.units.get(name) == CLOCK
+        columns[name] = numbers_of(path, name, lines, columns[name], signs, clock, name in optional_numbers)
     for name in texts:
         if "" in columns[name]:
             raise TableError(f"{path}, row {lines[columns[name].index('')]}: {name} is empty; fill it")
-    for name in optional_texts:
-        columns.setdefault(name, [""] * len(lines))
     return lines, columns
 
 
@@ -330,9 +318,8 @@ def _check_lengths(path: Path, header: list[str], rows: list, named: int, form: 
     More cells are separators at the end of a row, and harmless, if the header or every row has them. In one row they may be
     one separator too many farther left, which moves all values that follow into the next column.
     """
-    below = (
-        rows[2:] if form.header and form.units_row is not False else rows[1:]
-    )  # a row of units may be shorter
+    # a row of units may be shorter
+    below = rows[2:] if form.header and form.units_row is not False else rows[1:]
     usual = min((len(cells) for _, cells in below), default=named)
     for line, cells in rows[1:]:
         if len(cells) < len(header) or any(cells[len(header) :]):

@@ -177,11 +177,9 @@ def _excluded_images(path: str | Path) -> dict[str, int]:
 def _check_images(path: str | Path, press: str, rows: PressRows, count: int, usual: int) -> None:
     gaps = sorted(set(range(len(rows.row))) - set(rows.image_index))
     if gaps or count != usual:
-        what = (
-            f"image_index {gaps} missing"
-            if gaps
-            else f"{count} images at depth, {usual} in most indentations"
-        )
+        what = f"{count} images at depth, {usual} in most indentations"
+        if gaps:
+            what = f"image_index {gaps} missing"
         raise DatasetError(
             f"{path}: indentation {press} of site {rows.cell}: {what}; restore its images and extract the features again, "
             "or remove the indentation from indentations.csv"

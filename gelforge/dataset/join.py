@@ -192,12 +192,7 @@ def _cell_attributes(path: str | Path, cell: Cell, planned: PlannedCell, split: 
 
 
 def _labels(
-    stored: OwnCells | OwnPresses | None,
-    planned: PlannedCell,
-    cell: Cell,
-    bins: int,
-    about: dict,
-    split: str,
+    stored: OwnCells | OwnPresses | None, planned: PlannedCell, cell: Cell, bins: int, about: dict, split: str
 ) -> Labels | None:
     """Return where a session's indentations of a site have their labels from, None where the site failed.
 

@@ -12,14 +12,7 @@ from gelforge.dataset.card import card, croissant
 from gelforge.dataset.join import shard_settings_digest
 from gelforge.dataset.schema import DatasetError
 from gelforge.dataset.shard import ShardDataset, shard_attributes
-from gelforge.files import (
-    digest,
-    file_sha256,
-    read_product_json,
-    write_json,
-    write_product_json,
-    write_text,
-)
+from gelforge.files import digest, file_sha256, read_product_json, write_json, write_product_json, write_text
 
 FORMAT = "gelforge-dataset-1"
 SUMS = "SHA256SUMS"

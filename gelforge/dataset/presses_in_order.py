@@ -23,6 +23,7 @@ from gelforge.config import ConfigError, Study
 from gelforge.config.parts.effects import HistoryEffects
 from gelforge.dataset.recorded_presses import Laws, RecordedPress, presses_digest
 from gelforge.dataset.session_labels import FORMAT, PRESS_DATASETS
+from gelforge.dataset.shard import PACKED
 from gelforge.files import atomic, digest
 from gelforge.hdf5 import writing
 from gelforge.indentation.cells.cell_file import Cell, check_finite, write_timings
@@ -253,14 +254,11 @@ def _read_progress(path: Path) -> Progress:
 def _write(out, study, laws, session, identity, presses, progress: Progress, labels) -> None:
     """Write the file of a session's indentations, whole or not at all."""
     count, left = len(presses), len(presses) - progress.done
-    later = (
-        []
-        if not left
-        else [
-            f"not solved, because the earlier indentation {presses[progress.done].name} could not be solved"
-        ]
-    )
-    reasons = [""] * progress.done + [progress.reason] * bool(left) + later * (left - 1)
+    reasons = [""] * progress.done
+    if left:
+        failed = presses[progress.done].name
+        later = f"not solved, because the earlier indentation {failed} could not be solved"
+        reasons += [progress.reason, *[later] * (left - 1)]
     columns = {
         "press": [press.name for press in presses],
         "cell": [press.cell for press in presses],
@@ -292,15 +290,8 @@ def _write(out, study, laws, session, identity, presses, progress: Progress, lab
         for row, which in enumerate(ROWS):
             total, bins = (f"{quantity}_{which}_N" for quantity in ("total", "bin"))
             file.create_dataset(total, (count, 3), float)
-            file.create_dataset(
-                bins,
-                (count, labels.shape[2] - 1, 3),
-                float,
-                chunks=(1, labels.shape[2] - 1, 3),
-                compression="gzip",
-                compression_opts=1,
-                shuffle=True,
-            )
+            size = labels.shape[2] - 1, 3
+            file.create_dataset(bins, (count, *size), float, chunks=(1, *size), **PACKED)
             copied = 256  # indentations in memory at a time
             for first in range(0, count, copied):
                 chosen = slice(first, min(first + copied, count))

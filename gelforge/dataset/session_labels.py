@@ -15,6 +15,7 @@ from gelforge.hdf5 import opened
 from gelforge.indentation.cells.cell_file import Cell
 
 FORMAT = "gelforge-presses-1"
+# Other sums are refused (tests/dataset/test_join.py).
 CLOSURE = (
     1e-6  # bins against the total force: relative, and as many newtons for bins below 1e-9 N stored as zero
 )

@@ -13,6 +13,7 @@ import numpy as np
 from gelforge.dataset.schema import FORMAT, DatasetError, columns
 from gelforge.hdf5 import opened, writing
 
+PACKED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}  # of HDF5 datasets of numbers
 JSON_ATTRIBUTES = ("cells", "failed_cells", "sessions")
 
 
@@ -23,17 +24,15 @@ class ShardWriter:
         self.file, self.rows = file, 0
         self.columns = columns(labels_only)
         for name, column in self.columns.items():
-            sizes = column.sizes(features, bins)
+            sizes, text = column.sizes(features, bins), column.kind == "text"
             data = file.create_dataset(
                 name,
                 shape=(0, *sizes),
                 maxshape=(None, *sizes),
                 # one sample per chunk where a sample is large: a shuffled loader then reads only what it asks for
                 chunks=(1 if sizes and np.prod(sizes) > 100 else 256, *sizes),
-                dtype=h5py.string_dtype() if column.kind == "text" else column.kind,
-                compression=None if column.kind == "text" else "gzip",
-                compression_opts=None if column.kind == "text" else 1,
-                shuffle=column.kind != "text",
+                dtype=h5py.string_dtype() if text else column.kind,
+                **({} if text else PACKED),
             )
             data.attrs["units"], data.attrs["description"] = column.unit, column.description
 

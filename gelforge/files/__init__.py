@@ -6,11 +6,7 @@ of a last, empty column of a CSV table; of a verdict's tables verdict.json holds
 before; who changes one seals it anew (`seal`).
 """
 
-from gelforge.files.digests import (
-    digest,
-    file_sha256,
-    source_digest,
-)
+from gelforge.files.digests import digest, file_sha256, source_digest
 from gelforge.files.products import (
     check_table_inputs,
     read_product_json,
@@ -22,21 +18,8 @@ from gelforge.files.products import (
     write_table,
     write_text,
 )
-from gelforge.files.seals import (
-    UNSEALED,
-    USER_BLOCK,
-    FileError,
-    check_seal,
-    errno_of,
-    seal,
-    why_not_read,
-)
-from gelforge.files.whole import (
-    atomic,
-    no_room,
-    remove_orphans,
-    temporary_beside,
-)
+from gelforge.files.seals import UNSEALED, USER_BLOCK, FileError, check_seal, errno_of, seal, why_not_read
+from gelforge.files.whole import atomic, no_room, remove_orphans, temporary_beside
 
 __all__ = [
     "FileError",

@@ -13,10 +13,13 @@ from pathlib import Path
 from gelforge.files.digests import file_sha256
 from gelforge.input_files import CONTAINERS, what_it_is
 
-DIGITS = b"0" * 64  # in place of a digest until it is known
+# In place of a digest until it is known. SHA-256 in hexadecimal has 64 (FIPS 180-4, 2015).
+DIGITS = b"0" * 64
 SEAL = re.compile(rb"sha256:([0-9a-f]{64})")
 UNSEALED = b"sha256:" + DIGITS
-USER_BLOCK = 512  # bytes before the content of an HDF5 file, the least that the format allows
+# Bytes before the content of an HDF5 file, the least that the format allows. 512, 1024, ... bytes (HDF5 File Format
+# Specification 3.0, 2019).
+USER_BLOCK = 512
 TAIL = len(UNSEALED)  # bytes at the end of a zip archive
 # errors of the machine, not of the file
 NOT_THE_FILE = {

@@ -24,7 +24,8 @@ from gelforge.recording.imaging.frames import SUFFIXES, decoded, images_in
 from gelforge.recording.imaging.images import refuse_turned
 from gelforge.units import UNITS, known_unit
 
-# Of decoded frames: a longer film is decoded a second time for the chosen ones (no result depends on it).
+# Of decoded frames: a longer film is decoded a second time for the chosen ones (no result depends on it). Both ways
+# write equal frames (tests/importing/test_other_sources.py).
 KEPT_BYTES = 1_000_000_000
 
 

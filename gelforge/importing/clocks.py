@@ -15,7 +15,9 @@ from gelforge.importing.refusals import ImportingError
 
 # Lags of SYNTHETIC logs are found within 5 ms, and logs of two sessions are refused (tests/importing/test_clocks.py):
 GRID_S = 0.02  # of a coarse lag: bends give it to a tenth of this afterwards
-LEVELS = 25  # heights of the surface that are tried
+# Heights of the surface that are tried. A step of 4 % of the travel, which `_finer_level` divides by 30; contact and
+# lag are then found (tests/importing/test_clocks.py).
+LEVELS = 25
 POWER = 1.5  # of force over depth, as of a ball on a thick gel (Hertz 1882): enough for a correlation
 # for where the surface is: a flat punch has 1, Hertz's ball 1.5, layers on a rigid base more
 POWERS = (1.0, 1.5, 2.0, 2.5)
@@ -26,8 +28,12 @@ LEAST_CORRELATION = 0.5
 # between rests they are not (tests/importing/test_clocks.py).
 CANDIDATE, RIVAL = 0.9, 0.95
 APART_S = ImportMapping.model_fields["least_dwell_s"].default  # the shortest wait: nearer lags are one peak
-NEAR_STEPS = 6  # of the grid, about the best lag: relaxation shifts it
-STRONG = 0.3  # of the median peak: an indentation that both signals must show
+# Of the grid, about the best lag: relaxation shifts it. 0.12 s, as far as a filter or relaxation moves a peak: lags are
+# found with both (tests/importing/test_clocks.py).
+NEAR_STEPS = 6
+# Of the median peak: an indentation that both signals must show. Weaker ones may drown in noise: shallow and deep
+# indentations of one log are aligned (tests/importing/test_clocks.py).
+STRONG = 0.3
 
 
 class Signal(NamedTuple):

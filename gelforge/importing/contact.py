@@ -21,11 +21,16 @@ EXPONENTS = np.arange(0.8, 2.61, 0.1)
 
 # Intervals hold the contact points of SYNTHETIC logs, noisy and relaxing ones too (tests/importing/test_presses.py):
 PLACES = 81  # that are tried, then twice as many within the neighbourhood of the least
-SHARES = (1.0, 0.5, 0.25)  # of the depth that are fitted, in turn
+# Of the depth that are fitted, in turn. Halves, as the error of a power law of depth falls with the depth that is
+# fitted: relaxing contacts are held to 0.02 mm (tests/importing/test_presses.py).
+SHARES = (1.0, 0.5, 0.25)
 # Half an interval that is precise: contact points are held to 0.02 mm (tests/importing/test_presses.py).
 GOOD_MM = 0.01
-LEAST_MODEL_MM = 0.004  # encoders, and relaxation while loading
-# of the depth, and at least so many mm: travel before contact that shows the force at rest
+# Encoders, and relaxation while loading. The least band in which a stage is at rest is 0.003 mm
+# (`stage_motion.LEAST_BAND_MM`): intervals then hold the contact points of tests/importing/test_presses.py.
+LEAST_MODEL_MM = 0.004
+# Of the depth, and at least so many mm: travel before contact that shows the force at rest. As long a rest as half of
+# the ramp makes F_0 as well known as k; contact points of shallow ramps are held (tests/importing/test_presses.py).
 BEFORE, LEAST_BEFORE_MM = 0.6, 0.3
 
 
@@ -83,7 +88,6 @@ def _fit(travel, push, start, end, guess, depth) -> Contact | None:
     places = np.linspace(max(guess - 0.5 * depth - 0.1, s.min()), min(guess + 0.2 * depth, s.max()), PLACES)
     left, rest, scale = _sums(s, f, places)
     for _ in range(2):  # twice finer around the least
-        i = int(left.min(axis=1).argmin())
         step = places[1] - places[0]
         near = places[left.min(axis=1) <= left.min() * (1 + 30 / len(s))]
         places = np.linspace(near.min() - step, near.max() + step, PLACES)

@@ -19,7 +19,9 @@ INCH_MM = 25.4  # exact since 1959
 MOVES = {"G0", "G1", "G4", "G20", "G21", "G90", "G91"}
 WITHOUT_TIME = {"G17", "G40", "G49", "G54", "G64", "G80", "G94", "M2", "M30", "M82", "M84", "M104", "M106", "M107", "M140",
                 "M400"}  # fmt: skip
-LEAST_MOVE_MM = 1e-9  # rounding of sums of coordinates: metres hold 1e-13 mm in double precision
+# Rounding of sums of coordinates: metres hold 1e-13 mm in double precision. Times and positions are exact with it
+# (tests/importing/test_other_sources.py).
+LEAST_MOVE_MM = 1e-9
 
 
 def gcode_table(path: Path, columns: list[str], how: GCode) -> pd.DataFrame:
@@ -75,16 +77,14 @@ def _motions(path: Path, how: GCode) -> list[tuple[float, np.ndarray, np.ndarray
         if not mode:
             raise ImportingError(f"{here}: a position without G0 or G1; write which one")
         speed = how.rapid_mm_s if mode == "G0" and how.rapid_mm_s else feed
-        if (way > LEAST_MOVE_MM and out) or any(letter in values for letter in "IJKR"):
-            if not speed or any(letter in values for letter in "IJKR"):
+        arc = any(letter in values for letter in "IJKR")
+        if (way > LEAST_MOVE_MM and out) or arc:
+            if not speed:
                 raise ImportingError(
-                    f"{here}: {'no feed rate F so far' if not speed else 'an arc'}; "
-                    + (
-                        "give F, or stage.gcode.rapid_mm_s for G0"
-                        if not speed
-                        else "log the stage's positions instead"
-                    )
+                    f"{here}: no feed rate F so far; give F, or stage.gcode.rapid_mm_s for G0"
                 )
+            if arc:
+                raise ImportingError(f"{here}: an arc; log the stage's positions instead")
             out.append((_duration(way, speed, how.acceleration_mm_s2), at, target, speed))
         elif not out:  # the first position is where the stage begins
             out.append((0.0, target, target, 0.0))

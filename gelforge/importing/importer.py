@@ -201,13 +201,13 @@ def _aligned(
     moved, shown = Signal(stage.time_s, stage.values[:, 2]), Signal(log.time_s, signal)
     known = None if clock.lag_s is None else clock.lag_s - start
 
-    def refine(match: Match) -> float:
-        contact = match.contact_mm if level is None else level
-        return refined_lag(find_bends(moved, moves, shown, match, contact), match.lag_s)
+    def bends_at(match: Match) -> Bends:
+        return find_bends(moved, moves, shown, match, match.contact_mm if level is None else level)
 
-    match = coarse_match(moved, shown, what, key, start, known, refine)
-    contact = match.contact_mm if level is None else level
-    bends = find_bends(moved, moves, shown, match, contact)
+    match = coarse_match(
+        moved, shown, what, key, start, known, lambda match: refined_lag(bends_at(match), match.lag_s)
+    )
+    bends = bends_at(match)
     # of a log without stamps of its own None: rows of it may be lost without a trace
     stamps = (log.time_s if stamped(clock) else None, stage.time_s if stamped(stage_clock) else None)
     return Aligned(match, clock_law(bends, known, clock.drift, what, key, stamps), bends, start)

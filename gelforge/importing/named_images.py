@@ -16,7 +16,9 @@ from gelforge.importing.session_files import COLUMNS, FORCE
 from gelforge.recording.imaging.frames import images_in
 from gelforge.recording.imaging.images import refuse_turned
 
-STEP_S = 10.0  # between readings whose time is not known: numbers in order
+# Between readings whose time is not known: numbers in order. Only the order counts, as
+# tests/importing/test_named_images.py shows.
+STEP_S = 10.0
 
 
 def named_readings(folder: Path, images: NamedImages) -> pd.DataFrame:

@@ -19,17 +19,32 @@ SMOOTH_S = 0.02  # a period of 50 Hz mains, and the grid of the lags
 # Standard deviations of the smoothed force that are no accident: of normal noise one in 500 million. In logs with noise of
 # 12 mN no indentation is lost or invented (tests/importing/test_presses.py).
 NOISE = 6.0
-STEPS = 2.0  # and steps of its resolution
-LEAST_TOUCH_S = 0.05  # in contact: shorter is a knock
-COVERED_S = 0.3  # before and after contact that every log must hold
-ZERO_S = 2.0  # the zero phase is the last of the rest before contact
-LEAST_ZERO_S = 0.1  # five smoothed samples of the force at rest
-CLEAR_S, CLEAR_MM = 0.1, 0.02  # from the zero phase to contact
-AFTER_S = 0.3  # after contact was lost, before the next zero phase
+# And steps of its resolution. A reading that is rounded moves by one step at rest and by two at most between
+# neighbours; quantised logs keep their indentations (tests/importing/test_presses.py).
+STEPS = 2.0
+# In contact: shorter is a knock. A sixth of the shortest wait by default (`least_dwell_s`); knocks are no indentations
+# (tests/importing/test_presses.py).
+LEAST_TOUCH_S = 0.05
+# Before and after contact that every log must hold. The three zero readings need 0.1 s and 0.1 s before contact; logs
+# that begin or end later are refused (tests/importing/test_presses.py).
+COVERED_S = 0.3
+# The zero phase is the last of the rest before contact. Long against noise, short against drift over a minute: zeros
+# follow a drift in tests/importing/test_presses.py.
+ZERO_S = 2.0
+# Five smoothed samples of the force at rest. Shorter rests are refused by name (tests/importing/test_presses.py).
+LEAST_ZERO_S = 0.1
+# From the zero phase to contact. Five smoothing windows, and twice the error to which contact points are found
+# (tests/importing/test_presses.py).
+CLEAR_S, CLEAR_MM = 0.1, 0.02
+# After contact was lost, before the next zero phase. Fifteen smoothing windows (SMOOTH_S): a gel that recovers does not
+# enter the next zero (tests/importing/test_presses.py).
+AFTER_S = 0.3
 # Of the indentation's largest force, lost within so long while the stage does not retreat: relaxation by 40 % with 0.6 s
 # loses 6 % and passes, a slip of 90 % is refused (tests/importing/test_presses.py).
 SLIP_S, SLIP = 0.1, 0.3
-WIDEST_MM = 0.1  # half of a contact point's interval, where each indentation has its own depth zero
+# Half of a contact point's interval, where each indentation has its own depth zero. A tenth of an indentation of 1 mm
+# changes its force by 15 % (Hertz 1882); wider intervals are refused (tests/importing/test_presses.py).
+WIDEST_MM = 0.1
 
 
 @dataclass(frozen=True)
@@ -106,18 +121,8 @@ def find_presses(
                     f" leave it out with skip: [{number}]"
                 )
             _refuse_slip(at, number, force_s[rows], smooth[rows], travel_at[rows])
-            kept.append(
-                _press(
-                    at,
-                    number,
-                    stage,
-                    excursion,
-                    Signal(force_s, push),
-                    travel_at,
-                    rows,
-                    max([before_s + AFTER_S, start, *force_s[gaps[gaps < rows.start] + 1]]),
-                )
-            )
+            from_s = max([before_s + AFTER_S, start, *force_s[gaps[gaps < rows.start] + 1]])
+            kept.append(_press(at, number, stage, excursion, Signal(force_s, push), travel_at, rows, from_s))
         if touches:
             before_s = float(force_s[touches[-1][1]])
     if unknown := sorted(set(skip) - set(range(1, number + 1))):
@@ -214,10 +219,8 @@ def _press(at, number, stage, excursion, force: Signal, travel_at, rows, from_s)
     touch_s = float(rising[0]) if len(rising) else guess_s
     waits = tuple(w for w in inside if w.travel_mm > contact.travel_mm)
     before_touch = force_s[(force_s >= from_s) & (force_s <= touch_s - CLEAR_S)]
-    for level in (
-        contact.low_mm,
-        contact.travel_mm,
-    ):  # of a noisy force the interval may reach back to the beginning
+    # of a noisy force the interval may reach back to the beginning
+    for level in (contact.low_mm, contact.travel_mm):
         clear = before_touch[np.interp(before_touch, time, travel) < level - CLEAR_MM]
         if len(clear) and clear[-1] - clear[0] >= LEAST_ZERO_S:
             break
@@ -228,17 +231,9 @@ def _press(at, number, stage, excursion, force: Signal, travel_at, rows, from_s)
         )
     zero = (float(max(clear[0], clear[-1] - ZERO_S)), float(clear[-1]))
     rest = push[(force_s >= zero[0]) & (force_s <= zero[1])].mean()
+    top, peak = excursion.top, float(push[rows].max() - rest)
     return Press(
-        number,
-        excursion,
-        contact,
-        touch_s,
-        end_s,
-        zero,
-        waits,
-        float(time[excursion.top]),
-        stage.values[excursion.top],
-        float(push[rows].max() - rest),
+        number, excursion, contact, touch_s, end_s, zero, waits, float(time[top]), stage.values[top], peak
     )
 
 
@@ -266,17 +261,18 @@ def depth_zero_mm(
     if abs(points[k] - middle) > within_mm:
         one = np.abs(np.delete(points, k) - middle).max(initial=0.0) <= within_mm
         known = (presses[k].contact.high_mm - presses[k].contact.low_mm) / 2
-        raise ImportingError(
-            f"contact points lie up to {abs(points[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
-            f" {presses[k].top_s:.1f} s), the limit is {within_mm:g} mm: "
-            + (
-                f"leave it out with skip: [{presses[k].number}], or set depth_zero: press"
-                if one
-                else f"the force is noisy (this one is known to {known:.2g} mm): set contact_within_mm"
-                if known > within_mm
-                else "the surface is curved or tilted, or x, y, z are of another frame: set depth_zero: press, or correct"
+        if one:
+            cause = f"leave it out with skip: [{presses[k].number}], or set depth_zero: press"
+        elif known > within_mm:
+            cause = f"the force is noisy (this one is known to {known:.2g} mm): set contact_within_mm"
+        else:
+            cause = (
+                "the surface is curved or tilted, or x, y, z are of another frame: set depth_zero: press, or correct"
                 " stage.z"
             )
+        raise ImportingError(
+            f"contact points lie up to {abs(points[k] - middle):.3g} mm off their median (indentation {presses[k].number} at"
+            f" {presses[k].top_s:.1f} s), the limit is {within_mm:g} mm: " + cause
         )
     if rule == "session":
         return np.full(len(presses), middle)

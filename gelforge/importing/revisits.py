@@ -7,7 +7,9 @@ from scipy.cluster.hierarchy import fcluster, linkage
 
 # The scatter of 0.015 mm of a SYNTHETIC robot is found (tests/importing/test_add_session.py):
 MOST_POSITIONS = 3000  # compared: every pair is, and some thousand show the scatter as well as all
-LEAST_REVISITS = 3  # of which a scatter is found at all
+# Of which a scatter is found at all. Two distances of one kind are needed below a gap to see that it is one
+# (tests/importing/test_add_session.py).
+LEAST_REVISITS = 3
 # Between distances of one commanded position and those of different ones: a scatter of 0.015 mm is found
 # (tests/importing/test_add_session.py).
 CLEAR_GAP = 10.0

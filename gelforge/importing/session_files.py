@@ -16,8 +16,12 @@ from gelforge.importing.refusals import ImportingError
 from gelforge.importing.streams import Stream
 from gelforge.indentation.paths.places import POSITION_MATCH_MM, gaps_to, within
 
-LEAVING_S = 0.03  # before the stage leaves, no reading
-CLEAR_OF_TOP_MM = 0.05  # of readings on a ramp, which ends in one of its own
+# Before the stage leaves, no reading. A frame of 30 per second takes 0.033 s: no image shows the stage moving
+# (tests/importing/test_session_folder.py).
+LEAVING_S = 0.03
+# Of readings on a ramp, which ends in one of its own. Ten times the 0.005 mm by which depths count as different; ramps
+# keep one reading at the top (tests/importing/test_session_folder.py).
+CLEAR_OF_TOP_MM = 0.05
 COLUMNS = ["press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm", "speed_mm_per_s", "dwell_s",
            "fx_N", "fy_N", "fz_N", "image"]  # fmt: skip
 FORCE = ["fx_N", "fy_N", "fz_N"]

@@ -16,10 +16,11 @@ from gelforge.units import UNITS, known_unit
 # Off the straight line through stamps that are declared even: samples were lost. A jitter of 2 ms passes
 # (tests/importing/test_clocks.py), a clock that is set or loses its digits is refused (benchmarks/faults.py, inputs).
 UNEVEN_S = 0.25
-FEW_DIGITS = range(
-    6, 10
-)  # significant digits: what programs write unasked (%g), to tens of seconds of an epoch
-STEPS_BACK = 3  # at most, of a clock that was set; more are jitter, or rows in no order
+# significant digits: what programs write unasked (%g), to tens of seconds of an epoch
+FEW_DIGITS = range(6, 10)
+# At most, of a clock that was set; more are jitter, or rows in no order. Clocks that are set once are named, jitter is
+# told apart (tests/importing/test_logs_of_programs.py).
+STEPS_BACK = 3
 # Between rows: less is jitter. A clock that is set back by 0.4 s is none (tests/importing/test_logs_of_programs.py).
 LEAST_STEP_PERIODS = 3.0
 # customary ways to write dates, to name in an error; day and month may be either

@@ -15,20 +15,25 @@ from scipy.ndimage import median_filter
 from gelforge.importing.clocks import Match, Signal
 from gelforge.importing.refusals import ImportingError
 from gelforge.importing.stage_motion import Excursion
-from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, WINDOW_S, bend_near
+from gelforge.recording.plausibility.bends import BEND_S, WINDOW_S, centred_bend
 from gelforge.robust import SIGMA_OF_MEDIAN
 
 # Lags of SYNTHETIC logs are found within 5 ms, with drift and jitter too (tests/importing/test_clocks.py):
 LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each indentation on its own
-RATE_STEPS = 6  # between which rates are taken
-LARGEST_SE_S = 0.01  # of the lag of the whole session
+# Between which rates are taken. 0.06 s, three periods of 50 Hz mains, which average out; lags of noisy logs are found
+# within 5 ms (tests/importing/test_clocks.py).
+RATE_STEPS = 6
+# Of the lag of the whole session. At 1 mm/s it is 0.01 mm of depth, the precision of contact points; noisier logs are
+# refused (tests/importing/test_clocks.py).
+LARGEST_SE_S = 0.01
 # Over the session: drift beyond both. A clock that gains 900 ppm in eight indentations is refused, even ones pass
 # (tests/importing/test_clocks.py).
 DRIFT_S, DRIFT_SE = 0.006, 4.0
 # Of an indentation's lag off the line: 11 dropped frames and steps of 0.25 s are named (tests/importing/test_clocks.py,
 # test_logs_of_programs.py).
 JUMP_S, JUMP_SPREADS = 0.02, 5.0
-LEAST_PRESSES = 3  # two make a line whatever they show
+# Two make a line whatever they show. Logs of two are refused (tests/importing/test_clocks.py).
+LEAST_PRESSES = 3
 # Of a jump of the lag, within which a step between two stamps explains it: steps of 0.25 s name the clock that made them
 # (tests/importing/test_logs_of_programs.py).
 STEP_SHARE = 0.25
@@ -49,13 +54,8 @@ class Bends:
         for number in np.unique(self.excursion):
             of_press = self.excursion == number
             weight = 1 / self.sd_s[of_press] ** 2
-            rows.append(
-                (
-                    self.at_s[of_press].mean(),
-                    np.average(self.lag_s[of_press], weights=weight),
-                    np.sqrt(1 / weight.sum()),
-                )
-            )
+            lag = np.average(self.lag_s[of_press], weights=weight)
+            rows.append((self.at_s[of_press].mean(), lag, np.sqrt(1 / weight.sum())))
         return tuple(np.array(rows).T)
 
 
@@ -152,12 +152,7 @@ def _bend(
     before, after = (moving, min(rest, WINDOW_S))[::-side]
     if min(before, after) <= BEND_S:
         return None
-    for _ in range(RECENTRED):
-        bend = bend_near(at, lag, before - BEND_S, after - BEND_S, side, *log)
-        if bend is None or abs(bend[0] - lag) < BEND_S - BEND_STEP_S:
-            return bend
-        lag = bend[0]
-    return None
+    return centred_bend(at, lag, before - BEND_S, after - BEND_S, side, *log)
 
 
 def refined_lag(bends: Bends, otherwise: float) -> float:
@@ -203,12 +198,8 @@ def clock_law(
             f"{f': {causes}{rate}; {remedies}, or' if causes else ';'} set {key}.drift: true to correct it in proportion to"
             " time, or use one clock"
         )
-    se = float(
-        max(
-            SIGMA_OF_MEDIAN * np.median(np.abs(lag - law)) / np.sqrt(max(len(lag) - 2, 1)),
-            np.sqrt(1 / (1 / sd**2).sum()),
-        )
-    )
+    scatter = SIGMA_OF_MEDIAN * np.median(np.abs(lag - law)) / np.sqrt(max(len(lag) - 2, 1))
+    se = float(max(scatter, np.sqrt(1 / (1 / sd**2).sum())))
     if se > LARGEST_SE_S:
         raise ImportingError(
             f"{what}: its lag is known to {2 * se * 1e3:.2g} ms only (two standard errors of {len(lag)} indentations), the"
@@ -234,11 +225,8 @@ def _line(at, lag, sd) -> tuple[float, float, float]:
         weight = np.minimum(1.0, 2 * spread / np.maximum(np.abs(off), 1e-12))
     few = np.sqrt(len(at) / max(len(at) - 2, 1))  # two of them are the line's own
     weight = 1 / np.maximum(sd, few * spread) ** 2
-    return (
-        float(slope),
-        float(offset),
-        float(1 / np.sqrt((weight * (at - np.average(at, weights=weight)) ** 2).sum())),
-    )
+    slope_se = 1 / np.sqrt((weight * (at - np.average(at, weights=weight)) ** 2).sum())
+    return float(slope), float(offset), float(slope_se)
 
 
 def _robust_mean(lag, sd) -> float:

@@ -21,6 +21,7 @@ LEAST_POSITIONS = 4  # three determine the four unknowns twice over only with a 
 # Spread of the positions across their line, over that along it: positions on a line are refused
 # (tests/recording/test_camera_pose.py).
 LEAST_WIDTH = 0.1
+# Errors fall with the root of the number: 40 have 0.16 of that of one, and cost some seconds (benchmarks/cameras.py).
 MOST_PRESSES = 40
 UNKNOWNS = ("x", "y", "z", "turn about z")
 UNITS = ("mm", "mm", "mm", "deg")

@@ -15,10 +15,16 @@ PATH = "path"  # beginning of the names of drawn paths
 
 # What networks trained on such draws err by: `python benchmarks/transfer.py`:
 TRIES = 200  # until one fits the sensor
-SHEAR_STEP_MM, TILT_STEP_DEG, TWIST_STEP_DEG = 0.2, 1.0, 2.0  # friction is followed step by step
+# Friction is followed step by step. Below the sizes of elements under the contact; benchmarks/transfer.py prints what
+# networks trained on such paths err by.
+SHEAR_STEP_MM, TILT_STEP_DEG, TWIST_STEP_DEG = 0.2, 1.0, 2.0
+# Two balls of 4 to 6 mm about the 10 mm of the article (Sferrazza et al. 2019): benchmarks/transfer.py draws them.
 PAIR_RADIUS_MM = (2.0, 3.0)
+# A blunt edge, longer than the gel is high, rounded over two elements; networks trained on it are judged by
+# benchmarks/transfer.py.
 EDGE_WIDTH_MM, SHAFT_MM, ROUNDING_MM = 2.0, 12.0, 0.5
 # Of the deepest depth: the least is a contact of some nodes, and steps are small where the contact grows fast.
+# benchmarks/synthesis.py prints the error between them.
 SITE_DEPTHS = (0.02, 0.05, 0.1, 0.175, 0.275, 0.4, 0.55, 0.7, 0.85, 1.0)
 
 
@@ -95,11 +101,9 @@ def solution(study: Study, number: int) -> Solution:
         Where no draw fits the sensor, or a site is too deep for it.
     """
     places = site_places(study)
-    return (
-        _site(study, places[number], number)
-        if number < len(places)
-        else drawn_path(study, number - len(places))
-    )
+    if number < len(places):
+        return _site(study, places[number], number)
+    return drawn_path(study, number - len(places))
 
 
 def site_places(study: Study) -> np.ndarray:
@@ -125,16 +129,12 @@ def site_places(study: Study) -> np.ndarray:
         return np.empty((0, 2))
     # sites lie denser towards the walls, whose distance changes forces there
     shares = np.linspace(0, 1, synthesis.sites) ** 1.3
-    half = [
-        synthesis.margin_mm + (w / 2 - synthesis.margin_mm) * shares
-        for w in (sensor.width_x_mm, sensor.width_y_mm)
-    ]
+    margin, widths = synthesis.margin_mm, (sensor.width_x_mm, sensor.width_y_mm)
+    half = [margin + (w / 2 - margin) * shares for w in widths]
     if study.has_symmetry_of_square:
         places = [(x, y) for i, y in enumerate(half[1]) for x in half[0][: i + 1]]
     else:
-        lines = [
-            np.concatenate([h, w - h[-2::-1]]) for h, w in zip(half, (sensor.width_x_mm, sensor.width_y_mm))
-        ]
+        lines = [np.concatenate([h, w - h[-2::-1]]) for h, w in zip(half, widths)]
         places = [(x, y) for y in lines[1] for x in lines[0]]
     return np.round(np.array(places), 4)
 
@@ -192,24 +192,17 @@ def _indenter(rng: np.random.Generator, study: Study) -> tuple[str, Indenter]:
         return kind, Indenter(kind="sphere", radius_mm=_within(rng, shapes.ball_radius_mm))
     if kind == "punch":
         radius = _within(rng, shapes.punch_radius_mm)
-        return kind, Indenter(
-            kind="cylinder", radius_mm=radius, length_mm=SHAFT_MM, edge_radius_mm=ROUNDING_MM
-        )
+        shaft = {"length_mm": SHAFT_MM, "edge_radius_mm": ROUNDING_MM}
+        return kind, Indenter(kind="cylinder", radius_mm=radius, **shaft)
     if kind == "edge":
         size = [_within(rng, shapes.edge_length_mm), EDGE_WIDTH_MM, SHAFT_MM]
         turned = [0.0, 0.0, angle]
         return kind, Indenter(kind="box", size_mm=size, edge_radius_mm=ROUNDING_MM, orientation_deg=turned)
     if kind == "pair":
         half = _within(rng, shapes.pair_gap_mm) / 2
-        along = half * math.cos(math.radians(angle)), half * math.sin(math.radians(angle))
-        parts = [
-            {
-                "kind": "sphere",
-                "radius_mm": _within(rng, PAIR_RADIUS_MM),
-                "offset_mm": [s * along[0], s * along[1], 0.0],
-            }
-            for s in (-1, 1)
-        ]
+        x, y = half * math.cos(math.radians(angle)), half * math.sin(math.radians(angle))
+        balls = [{"kind": "sphere", "radius_mm": _within(rng, PAIR_RADIUS_MM)} for _ in range(2)]
+        parts = [balls[0] | {"offset_mm": [-x, -y, 0.0]}, balls[1] | {"offset_mm": [x, y, 0.0]}]
         return kind, Indenter(kind="several", parts=parts)
     file = shapes.files[int(rng.integers(len(shapes.files)))]
     return kind, Indenter(kind="mesh", file=file, orientation_deg=[0.0, 0.0, 2 * angle])
@@ -242,15 +235,10 @@ def _path(rng: np.random.Generator, study: Study, name: str, turns: bool) -> Pla
     moved, tilted = any(map(any, shears)), any(map(any, tilts))
     if set(phases) == {"load"}:
         return PlannedCell(name, x, y, depths)
+    shears, tilts = shears if moved else (), tilts if tilted else ()
+    twists = twists if any(twists) else ()
     return PlannedCell(
-        name,
-        x,
-        y,
-        depths,
-        phases=phases,
-        shears_mm=shears if moved else (),
-        tilts_deg=tilts if tilted else (),
-        twists_deg=twists if any(twists) else (),
+        name, x, y, depths, phases=phases, shears_mm=shears, tilts_deg=tilts, twists_deg=twists
     )
 
 

@@ -19,10 +19,13 @@ from gelforge.virtual_lab.particles import VirtualLabError, dots_box, gel_boxes,
 # `python benchmarks/synthesis.py` prints the errors of rows that are made so:
 CORE_HEIGHTS = 0.5  # half width, over the sensor's height, of the part that moves with the indenter
 # A quarter of a millimetre in the article's sensor: a fifth of the depth at which its particles begin.
+# benchmarks/synthesis.py prints the error.
 CORE_INTERVALS = 24
-OUTER_INTERVALS = 11  # to each wall, finer towards the indenter
+# To each wall, finer towards the indenter. benchmarks/synthesis.py prints the error near walls.
+OUTER_INTERVALS = 11
 # Dots lie on one plane, near the contact's edge, where displacement changes within a fraction of a millimetre.
-DOT_FINER = 3  # as many intervals as for particles in a volume
+# As many intervals as for particles in a volume. benchmarks/synthesis.py prints the error.
+DOT_FINER = 3
 
 
 class MovingFrame:
@@ -77,9 +80,8 @@ class MovingFrame:
     def index(self, points: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Return the coordinates (P, 3) of points (P, 3) [mm] in units of grid lines, the indenter at (2,) [mm]."""
         lines = [self.lines(at[0], 0), self.lines(at[1], 1), self.heights]
-        return np.column_stack(
-            [np.interp(points[:, k], line, np.arange(len(line))) for k, line in enumerate(lines)]
-        )
+        places = [np.interp(points[:, k], line, np.arange(len(line))) for k, line in enumerate(lines)]
+        return np.column_stack(places)
 
     def field(self, cell: Cell) -> np.ndarray:
         """Return the displacement (S, nx, ny, nz, 3) [mm], float32, of a solved cell's steps on the grid about its place."""
@@ -92,9 +94,8 @@ class MovingFrame:
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         weights = interpolation(cell.arrays["gel_node_mm"], cell.arrays["gel_hex"], points.reshape(-1, 3))
         moved = cell.arrays["gel_displacement_mm"]
-        return np.stack([(weights @ one.astype(float)).reshape(points.shape) for one in moved]).astype(
-            np.float32
-        )
+        fields = [(weights @ one.astype(float)).reshape(points.shape) for one in moved]
+        return np.stack(fields).astype(np.float32)
 
 
 def turned_field(symmetry: str, field: np.ndarray) -> np.ndarray:

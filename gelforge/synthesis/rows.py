@@ -24,7 +24,9 @@ from gelforge.synthesis.moved import MovedPresses
 from gelforge.synthesis.straight import StraightPresses
 from gelforge.virtual_lab.particles import VirtualLabError, interpolation
 
-SERIES_ROWS = 16  # presses of one image series; each series has particles, camera and light of its own
+# Presses of one image series; each series has particles, camera and light of its own. With 17 images a series,
+# particles are placed often enough that networks do not learn one serial (benchmarks/transfer.py).
+SERIES_ROWS = 16
 
 
 def solve(one: Solution, laws: dict) -> Cell:
@@ -104,9 +106,8 @@ class Presses:
                     f"early: {cell.attributes['reason']}; make synthesis.depth_mm smaller or synthesis.margin_mm larger"
                 )
         self.straight = StraightPresses(study, sites) if sites else None
-        by_own_indenter = [
-            drawn_path(study, path_number(cell.attributes["cell"])).kind == "own" for cell in paths
-        ]
+        numbers = [path_number(cell.attributes["cell"]) for cell in paths]
+        by_own_indenter = [drawn_path(study, number).kind == "own" for number in numbers]
         self.moved = MovedPresses(study, paths, by_own_indenter, self.straight)
         classes = synthesis.classes
         if classes.paths and not self.moved.cells:
@@ -123,12 +124,10 @@ class Presses:
         if kind == 2 or self.straight is None:
             return self.moved.draw(rng)
         least, deepest = self.straight.depths[1], self.straight.depths[-1]
-        depth = (
-            rng.uniform(least, deepest)
-            if kind == 0
-            # light presses, up to a fifth of the deepest depth, are drawn evenly over magnitudes
-            else np.exp(rng.uniform(*np.log([least, 0.2 * deepest])))
-        )
+        if kind == 0:
+            depth = rng.uniform(least, deepest)
+        else:  # light presses, up to a fifth of the deepest depth, are drawn evenly over magnitudes
+            depth = np.exp(rng.uniform(*np.log([least, 0.2 * deepest])))
         return self.straight.at(rng.uniform(self.straight.low, self.straight.high), float(depth))
 
 

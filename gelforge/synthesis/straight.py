@@ -66,13 +66,11 @@ class StraightPresses:
     def at(self, place: np.ndarray, depth: float, without: int | None = None) -> DrawnPress:
         """Return the press at a place (2,) [mm] and a depth [mm]; see `state`."""
         forces, field = self.state(place, depth, without)
-        return DrawnPress(
-            place,
-            depth,
-            "load",
-            forces,
-            lambda particles: displaced(field, self.frame.index(particles, place)),
-        )
+
+        def moved(particles: np.ndarray) -> np.ndarray:
+            return displaced(field, self.frame.index(particles, place))
+
+        return DrawnPress(place, depth, "load", forces, moved)
 
     def state(
         self, place: np.ndarray, depth: float, without: int | None = None
@@ -101,9 +99,8 @@ class StraightPresses:
             If place or depth lie outside the solved ones.
         """
         back, pairs, loaded = self._between(place, depth, without)
-        return self._nodes(depth, pairs, loaded).mirrored(back), turned_field(
-            back, self._field(pairs, loaded)
-        )
+        field = turned_field(back, self._field(pairs, loaded))
+        return self._nodes(depth, pairs, loaded).mirrored(back), field
 
     def force(self, place: np.ndarray, depth: float) -> NodalForces:
         """Return the nodal forces of `state` alone; the field is most of its work."""
@@ -153,7 +150,6 @@ class StraightPresses:
             for k, weight in pairs:
                 nodes = self._mirrored[k]
                 force = nodes.force_N[number - 1 : number]
-                parts.append(
-                    (weight * along, NodalForces(scale * nodes.offset_mm, scale * nodes.half_mm, force))
-                )
+                moved = NodalForces(scale * nodes.offset_mm, scale * nodes.half_mm, force)
+                parts.append((weight * along, moved))
         return merged(parts)

@@ -9,13 +9,16 @@ import numpy as np
 from gelforge.config import Camera, VirtualImaging, given
 from gelforge.recording.optics.camera import project, px_per_mm
 
-AMBIENT = 0.45  # share of light that reaches a ball's rim; the lamps stand around the lens, so its middle is brightest
-FADE = 0.35  # share of brightness lost from the nearest to the farthest particle
+# Share of light that reaches a ball's rim; the lamps stand around the lens, so its middle is brightest. Matte balls
+# under a ring of lamps; flow finds them to 0.05 px (tests/virtual_lab/test_imaging.py).
+AMBIENT = 0.45
+# Share of brightness lost from the nearest to the farthest particle. Near and far particles stay apart in brightness
+# (tests/virtual_lab/test_imaging.py).
+FADE = 0.35
 
 
-GREY_OF_RGB = np.array(
-    [0.299, 0.587, 0.114]
-)  # the reader's: OpenCV's grey of red, green and blue (ITU-R BT.601)
+# the reader's: OpenCV's grey of red, green and blue (ITU-R BT.601)
+GREY_OF_RGB = np.array([0.299, 0.587, 0.114])
 
 
 def picture(

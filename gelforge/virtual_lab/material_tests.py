@@ -19,14 +19,13 @@ from gelforge.mechanics.laws.homogeneous import LOAD_CASES, cauchy_stress, princ
 from gelforge.mechanics.laws.models.ogden import Ogden
 
 # Test pieces, strain rate and largest strains of Sferrazza et al. 2019, sec. II-A. Materials that it does not have end at 1.
-GAUGE_MM = {
-    "uniaxial": (40.0, 10.0),
-    "pure_shear": (10.0, 60.0),
-    "equibiaxial": (30.0, 30.0),
-}  # length, width
+# length, width
+GAUGE_MM = {"uniaxial": (40.0, 10.0), "pure_shear": (10.0, 60.0), "equibiaxial": (30.0, 30.0)}
 THICKNESS_MM, STRAIN_RATE_PER_S = 0.5, 0.003
 THICKNESS_SCATTER = 0.04  # of cast sheets; the thickness of each sample is measured, so it costs no accuracy
-ROWS = 80  # of a test: a strain of 0.025 or less from one to the next
+# Of a test: a strain of 0.025 or less from one to the next. Largest strain 2 over 80 rows (Sferrazza et al. 2019, sec.
+# II-A).
+ROWS = 80
 TRACKING_NOISE = 0.002  # of the lateral stretch
 
 
@@ -108,9 +107,8 @@ def _inflate(law, stiffness, h0, diameter_mm, largest, noise, rng) -> pd.DataFra
     stretch = np.linspace(1.01, largest, ROWS).round(4)  # a flat membrane has no radius
     theta = np.interp(stretch, *_cap_angles(largest))
     radius = diameter_mm / (2 * np.sin(theta))
-    pressure = (
-        2 * h0 * stretch**-2 * stiffness * cauchy_stress(law, "equibiaxial", stretch) / radius * 1e3
-    )  # kPa
+    # kPa
+    pressure = 2 * h0 * stretch**-2 * stiffness * cauchy_stress(law, "equibiaxial", stretch) / radius * 1e3
     return pd.DataFrame(
         {
             "time_s": ((stretch - 1) / STRAIN_RATE_PER_S).round(2),

@@ -16,7 +16,9 @@ from gelforge.indentation.cells.cell_file import Cell
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.symmetry import transform_points, transform_vectors
 
-SAME_MM = 1e-4  # coordinates this close are one: site files may hold float32, and no element is that thin
+# Coordinates this close are one: site files may hold float32, and no element is that thin. float32 holds 30 mm to 2e-6
+# mm (IEEE 754-2008).
+SAME_MM = 1e-4
 
 
 class VirtualLabError(ValueError):
@@ -144,9 +146,8 @@ def _printed(dots: PrintedDots, diameter: float, sensor: Sensor, rng: np.random.
             f"dots {diameter:g} mm wide every {dots.spacing_mm:g} mm overlap; make spacing_mm larger or diameter_mm smaller"
         )
     low, high = (corner[:2] for corner in dots_box(dots, sensor))
-    count = (
-        int(np.hypot(*(high - low)) / dots.spacing_mm) + 2
-    )  # more than along the diagonal: some fall outside
+    # more than along the diagonal: some fall outside
+    count = int(np.hypot(*(high - low)) / dots.spacing_mm) + 2
     line = (np.arange(count) - (count - 1) / 2) * dots.spacing_mm
     grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     angle = np.radians(dots.rotation_deg) * rng.standard_normal()
@@ -219,11 +220,10 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
         matching = np.flatnonzero((last - first == span).all(axis=1))
         for step in np.ndindex(*span):
             element[tuple((first[matching] + step).T)] = matching
-    place = [np.searchsorted(a, points[:, k], side="right") - 1 for k, a in enumerate(axes)]
-    place = [
-        np.where(np.abs(points[:, k] - a[-1]) <= SAME_MM, len(a) - 2, p)
-        for k, (a, p) in enumerate(zip(axes, place))
-    ]
+    place = []
+    for a, at in zip(axes, np.transpose(points)):  # the last coordinate belongs to the last interval
+        interval = np.searchsorted(a, at, side="right") - 1
+        place.append(np.where(np.abs(at - a[-1]) <= SAME_MM, len(a) - 2, interval))
     inside = np.all([(p >= 0) & (p < len(a) - 1) for a, p in zip(axes, place)], axis=0)
     containing = np.where(inside, element[tuple(np.where(inside, p, 0) for p in place)], -1)
     if (containing < 0).any():
@@ -232,9 +232,9 @@ def interpolation(nodes: np.ndarray, hexahedra: np.ndarray, points: np.ndarray) 
             "the site was solved with another sensor"
         )
     xi = (points - low[containing]) / (high[containing] - low[containing])  # (P, 3) in [0, 1]
-    at_high = (
-        corners[containing] - low[containing][:, None] > 0.5 * (high[containing] - low[containing])[:, None]
-    )  # (P, 8, 3)
+    # (P, 8, 3)
+    middle = 0.5 * (high[containing] - low[containing])[:, None]
+    at_high = corners[containing] - low[containing][:, None] > middle
     weights = np.where(at_high, xi[:, None], 1 - xi[:, None]).prod(axis=2)  # (P, 8)
     rows = np.repeat(np.arange(len(points)), 8)
     return csr_array(

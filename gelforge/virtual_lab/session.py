@@ -189,10 +189,8 @@ def random_presses(lab_session: VirtualSession, cells: list[PlannedCell]) -> lis
     """
     every = [(c, depth) for c in cells for depth in ((c.deepest_mm,) if c.follows_a_path else c.depths_mm)]
     order = np.random.default_rng([lab_session.seed, 0]).permutation(len(every))
-    lasts = [
-        max(PRESS_S, path_times(every[index][0])[-1] + CLEAR_MM / SPEED_MM_PER_S + SETTLE_S)
-        for index in order
-    ]
+    away_s = CLEAR_MM / SPEED_MM_PER_S + SETTLE_S
+    lasts = [max(PRESS_S, path_times(every[index][0])[-1] + away_s) for index in order]
     starts = np.concatenate([[0.0], np.cumsum(lasts)])
     return [
         Press(number, cell, depth, float(starts[number]))
@@ -214,6 +212,7 @@ def path_times(cell: PlannedCell) -> np.ndarray:
 
 def session_description(lab: VirtualLab, lab_session: VirtualSession, study: Study) -> Session:
     """Return what session.yaml says of a synthetic session: nothing of the hidden truth."""
+    bench = {"acts_on": lab_session.acts_on, "axes": lab_session.axes}
     return Session(
         session=lab_session.session,
         synthetic=True,
@@ -221,12 +220,7 @@ def session_description(lab: VirtualLab, lab_session: VirtualSession, study: Stu
         indenter=study.indenter.words,
         date=lab_session.date,
         notes="SYNTHETIC: made by a virtual lab, not measured",
-        force=ForceSensor(
-            acts_on=lab_session.acts_on,
-            axes=lab_session.axes,
-            tared=False,
-            resolution_N=lab.force.resolution_N,
-        ),
+        force=ForceSensor(tared=False, resolution_N=lab.force.resolution_N, **bench),
         stage_to_sensor=lab_session.stage_to_sensor,
         depth_zero=DepthZero(
             by="press",

@@ -109,19 +109,12 @@ def truth_digest(study: Study, lab: VirtualLab, planned: PlannedCell) -> str:
     str
         SHA-256 in hexadecimal.
     """
+    models = {"sensor": study.sensor, "indenter": study.indenter, "lab": lab}
+    path = ("name", "x_mm", "y_mm", "depths_mm", "phases", "shears_mm")
     return digest(
-        {
-            "sensor": study.sensor.model_dump(mode="json"),
-            "indenter": study.indenter.model_dump(mode="json"),
-            "lab": lab.model_dump(mode="json"),
-            "cell": [
-                planned.name,
-                planned.x_mm,
-                planned.y_mm,
-                planned.depths_mm,
-                planned.phases,
-                planned.shears_mm,
-            ],
+        {name: model.model_dump(mode="json") for name, model in models.items()}
+        | {
+            "cell": [getattr(planned, name) for name in path],
             "sources": source_digest("mechanics", "meshing", "indentation", "virtual_lab/truth.py"),
         }
     )

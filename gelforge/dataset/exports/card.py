@@ -26,14 +26,14 @@ def title(source: Source) -> str:
 
 def card(source: Source, use: str, options: Options, columns: str | None = None) -> str:
     """Return the card as Markdown; use: how the format is loaded; columns: what it holds, if not the rows' columns."""
-    manifest = source.manifest
+    manifest, rows = source.manifest, sum(source.counts.values())
     counts = ", ".join(f"{count} {split}" for split, count in source.counts.items())
     licence = f"Licence: {options.licence}." if options.licence else "No licence is granted by this card."
     parts = [
         f"# {title(source)}",
         SYNTHETIC if manifest["synthetic"] else "",
-        f"{sum(source.counts.values())} rows ({counts}) of {len(source.presses)} "
-        f"{'cells' if manifest['labels_only'] else 'presses'}. {_part(source)}",
+        f"{rows} rows ({counts}) of {len(source.presses)} {'cells' if manifest['labels_only'] else 'presses'}. "
+        + ("" if rows == len(source.rows) else f"A sample: the whole dataset has {len(source.rows)} rows."),
         "## Loading",
         use,
         "## Label",
@@ -52,11 +52,6 @@ def card(source: Source, use: str, options: Options, columns: str | None = None)
         f"has the SHA-256 `{source.manifest_sha256}`; `sha256sum -c SHA256SUMS` verifies what lies here. {licence}",
     ]
     return "\n\n".join(part.strip() for part in parts if part) + "\n"
-
-
-def _part(source: Source) -> str:
-    rows = sum(source.counts.values())
-    return "" if rows == len(source.rows) else f"A sample: the whole dataset has {len(source.rows)} rows."
 
 
 def columns_table(source: Source) -> str:

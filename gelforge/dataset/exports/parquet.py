@@ -28,24 +28,18 @@ def feature(variable: Variable) -> dict:
             "_type": f"Array{len(variable.shape)}D",
         }
     value = {"dtype": TYPES[variable.kind], "_type": "Value"}
-    return (
-        value
-        if variable.shape == ()
-        else {"feature": value, "length": variable.shape[0], "_type": "Sequence"}
-    )
+    if variable.shape:
+        return {"feature": value, "length": variable.shape[0], "_type": "Sequence"}
+    return value
 
 
 def schema(variables: Mapping[str, Variable]):
     """Return the Arrow schema of some columns."""
     pa = library("pyarrow")
     features = {name: feature(variable) for name, variable in variables.items()}
-    metadata = {"huggingface": json.dumps({"info": {"features": features}}), **_units(variables)}
-    return pa.schema([(name, _type(variable)) for name, variable in variables.items()], metadata=metadata)
-
-
-def _units(variables: Mapping[str, Variable]) -> dict[str, str]:
     about = {name: {"unit": v.unit, "description": v.description} for name, v in variables.items()}
-    return {"gelforge": json.dumps(about)}
+    metadata = {"huggingface": json.dumps({"info": {"features": features}}), "gelforge": json.dumps(about)}
+    return pa.schema([(name, _type(variable)) for name, variable in variables.items()], metadata=metadata)
 
 
 def _type(variable: Variable):

@@ -109,9 +109,8 @@ class Source:
 
         Raises DatasetError where not even one indentation of each split has room.
         """
-        row = sum(
-            int(np.prod(v.shape)) * BYTES.get(v.kind, 1) for v in self.variables.values()
-        )  # an image counts as its pixels
+        # an image counts as its pixels
+        row = sum(int(np.prod(v.shape)) * BYTES.get(v.kind, 1) for v in self.variables.values())
         # a tenth of the bytes is for what stands next to the rows
         left = 0.9 * limit_mb * 1e6 / row
         share = left / sum(self.counts.values())

@@ -46,9 +46,8 @@ def files_of(path: Path, kinds: tuple[str, ...], what: str) -> list[Path]:
             )
         return [path]
     files = sorted(p for p in path.rglob("*") if p.suffix.lower() in kinds and p.is_file())
-    files = [
-        p for p in files if p.suffix == kinds[0] or not p.with_suffix(kinds[0]).is_file()
-    ]  # converted next to
+    # converted next to
+    files = [p for p in files if p.suffix == kinds[0] or not p.with_suffix(kinds[0]).is_file()]
     if not files:
         raise ImportingError(f"{path}: no {what} in this folder; name the folder that holds them")
     return files

@@ -26,9 +26,12 @@ RUNS, RUN_LENGTH = 3, 8
 # correlates with the reference. Measured on speckle, dots and drawn particles: flow that is right has at most 1 % of such
 # pixels, flow with 2 % of its pixels wrong has 3.5 % and more (tests/recording/test_flow_lost.py).
 APART_PX, APART_SHARE, LEAST_CORRELATION = 3.0, 0.25, 0.5  # share: of the flow's length, whichever is larger
-# standard deviation of an image over the reference's, above which its texture is not counted
+# Standard deviation of an image over the reference's, above which its texture is not counted. Black, white and blurred
+# images fall below it, honest ones do not (tests/recording/test_image_plausibility.py).
 CONTRAST_KEPT = 0.5
-WINDOW_PX = 17  # side of the square in which images are correlated
+# Side of the square in which images are correlated. About two of the 8 px patches of the search; right and wrong flow
+# are told apart (tests/recording/test_flow_lost.py).
+WINDOW_PX = 17
 
 
 @dataclass(frozen=True)

@@ -119,23 +119,19 @@ def find_boards(folder: str | Path, board: Board) -> Views:
     paths = images_in(folder)
     if not paths:
         raise CalibrationError(f"{folder}: no images ({', '.join(sorted(SUFFIXES))}); name another folder")
-    views: Views | None = None
-    first, flips = paths[0].name, []
+    views, first, flips = Views((0, 0)), "", []
     for path in tracked(paths, "images searched for the board"):
         try:
             image = read_grey(path)
         except ImageError as error:
-            broken = str(error).removeprefix(f"{path}: ")
-            views = views or Views((0, 0))
-            views.left_out[path.name] = broken
+            views.left_out[path.name] = str(error).removeprefix(f"{path}: ")
             continue
         size = (image.shape[1], image.shape[0])
         if max(size) > LARGEST_IMAGE_PX:
             raise CalibrationError(
                 f"{path}: {size[0]} x {size[1]} px, limit {LARGEST_IMAGE_PX} px along a side; is it a camera's image?"
             )
-        views = views or Views(size)
-        if views.size == (0, 0):
+        if not first:
             views.size, first = size, path.name
         if size != views.size:
             raise CalibrationError(
@@ -148,7 +144,6 @@ def find_boards(folder: str | Path, board: Board) -> Views:
         else:
             views.seen.append(View(path.name, *corners))
             flips.append(flipped)
-    assert views is not None  # of the first path
     if board.marker_mm is not None and flips:
         if len(set(flips)) > 1:
             raise CalibrationError(

@@ -7,9 +7,25 @@ import numpy as np
 # Lags of SYNTHETIC logs are found within 5 ms (tests/importing/test_clocks.py):
 BEND_S, BEND_STEP_S = 0.08, 0.002  # around a coarse lag, in which a bend is looked for
 WINDOW_S = 0.35  # of the signal on each side of a bend: lags are then found within 5 ms (tests/importing/test_clocks.py)
-LEAST_SAMPLES = 4  # on each side
-RECENTRED = 4  # times that a bend at the end of what was tried is looked for farther on
-MOST_SAMPLES = 200  # of a bend's window or a ramp: a faster log is averaged over neighbours
+# On each side. A parabola with its bend has three unknowns on a side; slow logs are aligned still
+# (tests/importing/test_clocks.py).
+LEAST_SAMPLES = 4
+# Times that a bend at the end of what was tried is looked for farther on. Four windows of 0.08 s reach as far as
+# WINDOW_S, beyond which the signal is another (tests/importing/test_clocks.py).
+RECENTRED = 4
+# Of a bend's window or a ramp: a faster log is averaged over neighbours. Of 0.7 s, that is a mean of 3.5 ms, below the
+# 5 ms to which lags are found (tests/importing/test_clocks.py).
+MOST_SAMPLES = 200
+
+
+def centred_bend(at, lag, before, after, side, signal_s, signal) -> tuple[float, float] | None:
+    """Return lag and standard deviation [s] of a bend, looked for again about what was found while that lies at the end."""
+    for _ in range(RECENTRED):
+        bend = bend_near(at, lag, before, after, side, signal_s, signal)
+        if bend is None or abs(bend[0] - lag) < BEND_S - BEND_STEP_S:
+            return bend
+        lag = bend[0]
+    return None
 
 
 def bend_near(at, lag, before, after, side, signal_s, signal) -> tuple[float, float] | None:

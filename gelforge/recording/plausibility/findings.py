@@ -166,9 +166,8 @@ def _line(group: list[Finding]) -> str:
         where += f" at {worst.time_s:.6g} s"
     limit = f" (limit {worst.limit:.3g} {worst.unit})".replace(" )", ")") if np.isfinite(worst.limit) else ""
     count = ""
-    names = list(
-        dict.fromkeys(finding.press for finding in group)
-    )  # of an indentation several images may be found
+    # of an indentation several images may be found
+    names = list(dict.fromkeys(finding.press for finding in group))
     if len(names) > 1:
         more = ", ..." if len(names) > 3 else ""
         count = f"; {len(names)} indentations in all: {', '.join(names[:3])}{more}"

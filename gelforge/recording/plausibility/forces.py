@@ -23,7 +23,9 @@ AXES = np.array(["fx", "fy", "fz"])
 TARED_FLOORS = 5.0  # a mean of zero rows this far from zero is no noise
 # of the session's largest force: no more than a force sensor of class 1 errs by (ISO 7500-1:2018)
 TARED_SHARE = 0.01
-TARED_INDENTATIONS = 0.1  # of a session: fewer are single failures
+# Of a session: fewer are single failures. Sessions whose zero rows read a force are refused, single ones pass
+# (tests/recording/test_plausibility.py).
+TARED_INDENTATIONS = 0.1
 # Of the force at depth: what touches earlier is adhesion or the scatter of depth zero. Zero rows with the force at depth
 # are found, a surface 0.1 mm too high and adhesion as large as the force pass (test_plausibility.py).
 STEP_SHARE = 0.2
@@ -45,7 +47,9 @@ DEEPER = 1.5
 # Of a force in proportion to depth, the least that a gel shows: softening and ageing take less than 60 %. A gel that
 # softens by 40 % passes, an indentation with 5 % of its force is found (test_plausibility.py).
 FALLS_TO = 0.4
-GROWING_FLOORS = 10.0  # the floor is then a tenth of the force
+# The floor is then a tenth of the force. Ratios of forces are then known to a sixth, far less than FALLS_TO allows
+# (tests/recording/test_plausibility.py).
+GROWING_FLOORS = 10.0
 
 
 def force_before_touch(data: SessionData) -> list[Finding]:

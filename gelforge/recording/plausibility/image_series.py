@@ -20,7 +20,8 @@ LEAST_TEXTURE = 0.1  # of the reference's textured pixels; black, white and badl
 # Of the reference frame's mean grey level: a session at 0.3 of the light passes, one at a hundredth is refused
 # (test_image_plausibility.py).
 LEAST_LIGHT = 0.1
-LEAST_SPREAD_PX = 0.003  # the search itself repeats no better
+# The search itself repeats no better. Noiseless cameras pass (tests/recording/test_image_plausibility.py).
+LEAST_SPREAD_PX = 0.003
 # Where no flow was measured: a pressed surface moves sideways by more than a fiftieth of the depth, and no image shows more
 # than 100 mm.
 LEAST_MOTION, WIDEST_MM = 0.02, 100.0

@@ -48,17 +48,9 @@ def indentation_table(readings: pd.DataFrame, tolerance_mm: float = POSITION_MAT
     """
     held = readings[at_commanded_depth(readings) & np.isfinite(readings[FORCE]).all(axis=1).to_numpy()]
     rows = held.assign(row=held.index, push_N=-held["fz_N"]).groupby("press", sort=False)
-    table = rows.agg(
-        order=("order", "first"),
-        x_mm=("x_mm", "first"),
-        y_mm=("y_mm", "first"),
-        depth_mm=("depth_mm", "max"),
-        row=("row", "first"),
-        time_s=("time_s", "first"),
-        push_N=("push_N", "mean"),
-        first_N=("push_N", "first"),
-        phase=("phase", "first"),
-    )
+    first = {name: (name, "first") for name in ("order", "x_mm", "y_mm", "row", "time_s", "phase")}
+    pushes = {"first_N": ("push_N", "first"), "push_N": ("push_N", "mean")}
+    table = rows.agg(depth_mm=("depth_mm", "max"), **first, **pushes)
     return table.assign(site=visited(table[["x_mm", "y_mm"]].to_numpy(), tolerance_mm))
 
 

@@ -72,11 +72,10 @@ def missing_indentations(
     depths: dict[str, list[float]] = {}
     for cell, depth in done:
         depths.setdefault(cell, []).append(depth)
+    # one indentation follows a path
     return [
         (name, depth)
         for name, cell in cells.items()
-        for depth in (
-            (cell.deepest_mm,) if cell.follows_a_path else cell.depths_mm
-        )  # one indentation follows a path
+        for depth in ((cell.deepest_mm,) if cell.follows_a_path else cell.depths_mm)
         if not within(min((abs(depth - d) for d in depths.get(name, [])), default=np.inf), DEPTH_MATCH_MM)
     ]

@@ -20,14 +20,18 @@ SHORTEST = 3  # rows of a run whose force should change
 # Rows of a run that is too even for the channel's own noise: so many of 400 come below CHANCE only where fewer than 6 % of
 # neighbours are equal. A sideways axis that freezes is found (test_plausibility.py).
 SHORTEST_OF_NOISE = 8
-EXPECTED = 0.5  # of the session's usual change between two depths: what any site shows of it
+# Of the session's usual change between two depths: what any site shows of it. Sites of 0.4 to 1.6 times the usual
+# stiffness pass with it (tests/recording/test_plausibility.py).
+EXPECTED = 0.5
 # Resolutions, and standard deviations, that the expected change must exceed: of normal noise one in 370 does. A channel
 # with steps of 60 mN passes (test_plausibility.py).
 STEPS = 3.0
 # The same where so many indentations in turn show no change: a channel with steps of 60 mN that dies is found
 # (test_plausibility.py).
 STEPS_IN_TURN, IN_TURN = 1.5, 3
-CHANCE_ROWS = 2  # so many rows of an indentation at one depth may belong to a run by chance, at its ends
+# So many rows of an indentation at one depth may belong to a run by chance, at its ends. Quiet channels pass, dead ones
+# are found (tests/recording/test_plausibility.py).
+CHANCE_ROWS = 2
 
 
 @dataclass(frozen=True)

@@ -55,9 +55,8 @@ def _beyond(rows: pd.DataFrame, floor_N: np.ndarray) -> tuple[np.ndarray, np.nda
     (0 where it is not asked), and the share of the force that is let pass.
     """
     phase = rows["phase"].to_numpy()[1:]
-    push = np.vstack(
-        [rows[FORCE].to_numpy() * [1.0, 1.0, -1.0], np.zeros(3)]
-    )  # (n + 1, 3), z towards the gel
+    # (n + 1, 3), z towards the gel
+    push = np.vstack([rows[FORCE].to_numpy() * [1.0, 1.0, -1.0], np.zeros(3)])
     depth = np.append(np.maximum(np.nan_to_num(rows["depth_mm"].to_numpy()), 0.0), 0.0)
     before, here, after = push[:-2], push[1:-1], push[2:]  # (n - 1, 3)
     up = phase == "unload"

@@ -18,13 +18,18 @@ FORCE = ["fx_N", "fy_N", "fz_N"]
 # Of 37 kinds of honest SYNTHETIC sessions each passes, and each seeded fault is found
 # (tests/recording/test_plausibility.py):
 WINDOW_S = 0.02  # samples this far from a reading are averaged: less than a camera's frame time
-FEW = 3  # samples of a mean
+# Samples of a mean. Fewer may be one glitch and its neighbour; slow logs are interpolated
+# (tests/recording/test_readings.py).
+FEW = 3
 # Samples farther apart than this many periods of the log enclose a gap: one or two lost are none. A clock with a jitter of
 # 0.9 periods passes, 0.8 s without samples are found (test_plausibility.py).
 GAP_PERIODS = 3.0
-# the period is this quantile of the steps, so that a log that slows down while idle has no gaps
+# The period is this quantile of the steps, so that a log that slows down while idle has no gaps. A log that idles for a
+# tenth of its samples has none (tests/recording/test_plausibility.py).
 SLOW_SHARE = 0.9
-SLOWEST = 10.0  # but at most so many times the median step, so that many gaps do not hide each other
+# But at most so many times the median step, so that many gaps do not hide each other. Gaps in most indentations are
+# found (tests/recording/test_plausibility.py).
+SLOWEST = 10.0
 # Of a clock whose samples share stamps: the time between two dwell readings. Stamps of 10 ms are spread, whole seconds are
 # refused (test_plausibility.py).
 COARSEST_TICK_S = 0.1
@@ -117,9 +122,8 @@ def spread_stamps(stamps: np.ndarray, counts: np.ndarray, tick: float) -> np.nda
     numpy.ndarray
         (counts.sum(),) [s].
     """
-    room = np.minimum(
-        np.append(np.diff(stamps), tick), tick
-    )  # a gap behind a stamp is no room for its samples
+    # a gap behind a stamp is no room for its samples
+    room = np.minimum(np.append(np.diff(stamps), tick), tick)
     number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.repeat(stamps, counts) + number * np.repeat(room / counts, counts)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from gelforge.recording.plausibility.bends import BEND_S, BEND_STEP_S, RECENTRED, WINDOW_S, bend_near
+from gelforge.recording.plausibility.bends import BEND_S, WINDOW_S, centred_bend
 from gelforge.recording.plausibility.findings import Finding
 from gelforge.recording.plausibility.repeats import RAW
 from gelforge.recording.plausibility.streams import ForceLog
@@ -24,15 +24,20 @@ UNEXPLAINED = 0.1
 # By so many times less must remain at the lag than without it: relaxing gels and slow logs pass, lags of 0.3 to 5 s are
 # refused (test_plausibility.py).
 BETTER = 3.0
-NEAR_BEST = 0.05  # of what a lag explains: the least lag that misses no more than this is the one
+# Of what a lag explains: the least lag that misses no more than this is the one. A dwell makes many lags fit alike; the
+# lag named mends the session to a sample (tests/recording/test_plausibility.py).
+NEAR_BEST = 0.05
 # Filters of force sensors, and a stage that settles: half of the least lag that is refused in test_plausibility.py.
 LEAST_LIMIT_S = 0.15
 # Between lags that are tried, at first and around the best one: lags of -1.23 and 0.43 s are then found to a sample
 # (test_plausibility.py).
 COARSE_S, STEP_S = 0.1, 0.02
-# of the way under load before arrival, where the bend is looked for
+# Of the way under load before arrival, where the bend is looked for. The first fifth, where the contact grows, bends
+# too; lags are right to a sample (tests/recording/test_plausibility.py).
 MOTION = 0.8
-RISEN = 0.9  # of the force reached while waiting: at the commanded depth it is there
+# Of the force reached while waiting: at the commanded depth it is there. Relaxation of 40 % while waiting passes, late
+# force is found (tests/recording/test_plausibility.py).
+RISEN = 0.9
 
 
 def force_in_step(data: SessionData) -> list[Finding]:
@@ -167,18 +172,11 @@ def _to_a_sample(readings: pd.DataFrame, log: ForceLog, axis: int, lag_s: float)
         dwell, speed = float(held["dwell_s"].iloc[0]), float(held["speed_mm_per_s"].iloc[0])
         if np.isnan(dwell):
             continue
-        arrive, rest = (
-            float(held["time_s"].iloc[0]) - dwell,
-            float(held["time_s"].iloc[-1] - held["time_s"].iloc[0]) + dwell,
-        )
+        first, last = held["time_s"].iloc[[0, -1]]
+        arrive, rest = float(first) - dwell, float(last - first) + dwell
         moving = MOTION * float(held["depth_mm"].iloc[0]) / speed if speed > 0 else WINDOW_S
         before, after = min(WINDOW_S, moving) - BEND_S, min(WINDOW_S, rest) - BEND_S
-        about = lag_s
-        for _ in range(RECENTRED):
-            bend = bend_near(arrive, about, before, after, -1, log.time_s, log.force_N[:, axis])
-            if bend is None or abs(bend[0] - about) < BEND_S - BEND_STEP_S:
-                break
-            about = bend[0]
+        bend = centred_bend(arrive, lag_s, before, after, -1, log.time_s, log.force_N[:, axis])
         if bend is not None and np.isfinite(bend[1]):
             lags.append(bend[0])
     return float(np.median(lags)) if len(lags) >= LEAST_INDENTATIONS else lag_s

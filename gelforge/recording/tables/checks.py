@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from gelforge.indentation.paths.places import POSITION_MATCH_MM, within
 from gelforge.indentation.sensor.stage_frame import first_outside
 
 # An indentation runs through its phases in this order; approach and touch may alternate, and so may load and dwell.
+# Other orders are refused by row (tests/recording/test_readings.py).
 PHASES = {"zero": 0, "approach": 1, "touch": 1, "load": 2, "dwell": 2, "shear": 3, "unload": 4}
 
 # Deepest indentation of a session: below it is metres, above it micrometres. Wrong units, clocks and orders are refused,
@@ -29,38 +32,41 @@ class RecordingError(ValueError):
     """A recording that cannot be used: where, what was found, what to do."""
 
 
-def check_finite(path: Path, table: pd.DataFrame, names: list[str]) -> None:
-    """Raise RecordingError for an empty or non-finite number in the named columns."""
-    for name in names:
-        wrong = ~np.isfinite(table[name].to_numpy())
-        if wrong.any():
-            line = table.index[wrong.argmax()]
-            raise RecordingError(
-                f"{path}, row {line}: {name} is empty or not finite; fill it or remove the row"
-            )
+def _refuse(
+    path: Path, table: pd.DataFrame, wrong: pd.Series | np.ndarray, words: Callable[[pd.Series], str]
+) -> None:
+    """Raise RecordingError at the first row that is wrong (N,); words: what is wrong with a row, and the remedy."""
+    if np.any(wrong):
+        row = table.iloc[np.argmax(wrong)]
+        raise RecordingError(f"{path}, row {row.name}: {words(row)}")
+
+
+def _refuse_empty(path: Path, table: pd.DataFrame, values: np.ndarray, name: str) -> None:
+    """Raise RecordingError for a row without a finite number among the values (N,) of a column."""
+    _refuse(
+        path,
+        table,
+        ~np.isfinite(values),
+        lambda _: f"{name} is empty or not finite; fill it or remove the row",
+    )
 
 
 def check_rows(path: Path, table: pd.DataFrame) -> None:
     """Raise RecordingError unless the rows are complete indentations in the order taken, with depths in millimetres."""
+    refuse = partial(_refuse, path, table)
     unknown = ~table["phase"].isin(PHASES)
-    if unknown.any():
-        line = unknown.idxmax()
-        raise RecordingError(
-            f"{path}, row {line}: phase {table.at[line, 'phase']!r} is not one of {list(PHASES)}"
-        )
+    refuse(unknown, lambda row: f"phase {row.phase!r} is not one of {list(PHASES)}")
     _check_order(path, table)
     _check_phases(path, table)
     _check_depths(path, table)
 
 
 def _check_order(path: Path, table: pd.DataFrame) -> None:
-    integer = table["order"] == np.round(table["order"])
-    if not integer.all():
-        line = (~integer).idxmax()
-        raise RecordingError(
-            f"{path}, row {line}: order {table.at[line, 'order']} is not a whole number; number the indentations 1, 2, 3,"
-            " ..."
-        )
+    refuse = partial(_refuse, path, table)
+    refuse(
+        table["order"] != np.round(table["order"]),
+        lambda row: f"order {row.order} is not a whole number; number the indentations 1, 2, 3, ...",
+    )
     for name, what in (("order", "presses"), ("time_s", "readings")):
         backward = np.flatnonzero(np.diff(table[name]) < 0)
         if len(backward):
@@ -70,64 +76,56 @@ def _check_order(path: Path, table: pd.DataFrame) -> None:
                 f"{path}, row {line}: {name} {table.at[line, name]:.9g} after {before:.9g}; "
                 f"{what} stand in the order taken, sort the file"
             )
-    new_press = (table["press"] != table["press"].shift()).to_numpy()
-    new_order = (table["order"] != table["order"].shift()).to_numpy()
-    again = table["press"].duplicated().to_numpy() & new_press
-    if again.any() or (new_press != new_order).any():
-        line = table.index[(again | (new_press != new_order)).argmax()]
-        raise RecordingError(
-            f"{path}, row {line}: indentation {table.at[line, 'press']} with order "
-            f"{table.at[line, 'order']:.0f}; every indentation "
-            "has one order and its rows stand together, give repeated indentations different names"
-        )
+    new_press = table["press"] != table["press"].shift()
+    new_order = table["order"] != table["order"].shift()
+    refuse(
+        (table["press"].duplicated() & new_press) | (new_press != new_order),
+        lambda row: (
+            f"indentation {row.press} with order {row.order:.0f}; every indentation has one order and its rows stand"
+            " together, give repeated indentations different names"
+        ),
+    )
 
 
 def _check_phases(path: Path, table: pd.DataFrame) -> None:
-    rank = table["phase"].map(PHASES).to_numpy()
-    same_press = (table["press"] == table["press"].shift()).to_numpy()
-    backward = same_press[1:] & (np.diff(rank) < 0)
-    if backward.any():
-        line = table.index[backward.argmax() + 1]
-        raise RecordingError(
-            f"{path}, row {line}: phase {table.at[line, 'phase']} after "
-            f"{table['phase'].iloc[backward.argmax()]} in indentation "
-            f"{table.at[line, 'press']}; the phases of an indentation are zero, approach or touch, load or dwell, shear,"
-            " unload, in this order"
-        )
-    held = table["phase"].isin(["load", "dwell"]).groupby(table["press"], sort=False).any()
-    if not held.all():
-        press = held.index[~held.to_numpy()][0]
-        line = (table["press"] == press).idxmax()
-        raise RecordingError(
-            f"{path}, row {line}: indentation {press} has no load or dwell row; record one or remove the indentation"
-        )
+    refuse = partial(_refuse, path, table)
+    backward = (table["press"] == table["press"].shift()) & (table["phase"].map(PHASES).diff() < 0)
+    before = table["phase"].shift()
+    refuse(
+        backward,
+        lambda row: (
+            f"phase {row.phase} after {before[row.name]} in indentation {row.press}; the phases of an indentation are"
+            " zero, approach or touch, load or dwell, shear, unload, in this order"
+        ),
+    )
+    held = table["phase"].isin(["load", "dwell"]).groupby(table["press"]).transform("any")
+    refuse(
+        ~held,
+        lambda row: f"indentation {row.press} has no load or dwell row; record one or remove the indentation",
+    )
 
 
 def _check_depths(path: Path, table: pd.DataFrame) -> None:
+    refuse = partial(_refuse, path, table)
     held = table["phase"].isin(["load", "dwell", "shear"])
-    check_finite(path, table[held], ["depth_mm"])
-    shallow = held & (table["depth_mm"] <= 0)
-    if shallow.any():
-        line = shallow.idxmax()
-        raise RecordingError(
-            f"{path}, row {line}: depth_mm {table.at[line, 'depth_mm']} in phase {table.at[line, 'phase']}; "
-            "it must be positive, name rows before contact `zero`"
-        )
-    deep_zero = (table["phase"] == "zero") & (table["depth_mm"] > 0)
-    if deep_zero.any():
-        line = deep_zero.idxmax()
-        raise RecordingError(
-            f"{path}, row {line}: depth_mm {table.at[line, 'depth_mm']} in phase zero; it must be empty, "
-            "negative or 0"
-        )
+    _refuse_empty(path, table[held], table.loc[held, "depth_mm"].to_numpy(), "depth_mm")
+    refuse(
+        held & (table["depth_mm"] <= 0),
+        lambda row: (
+            f"depth_mm {row.depth_mm} in phase {row.phase}; it must be positive, name rows before contact `zero`"
+        ),
+    )
+    refuse(
+        (table["phase"] == "zero") & (table["depth_mm"] > 0),
+        lambda row: f"depth_mm {row.depth_mm} in phase zero; it must be empty, negative or 0",
+    )
     line = table["depth_mm"].where(held).idxmax()
     deepest, (low, high) = table.at[line, "depth_mm"], DEPTH_MM
     if not low <= deepest <= high:
         unit = "metres" if deepest < low else "micrometres"
         raise RecordingError(
-            f"{path}, row {line}: the deepest indentation has depth_mm {deepest:.6g}; {low} to {high} mm is "
-            "expected, "
-            f"is it in {unit}?"
+            f"{path}, row {line}: the deepest indentation has depth_mm {deepest:.6g}; {low} to {high} mm is expected, is it"
+            f" in {unit}?"
         )
 
 
@@ -149,14 +147,15 @@ def before_shear(readings: pd.DataFrame) -> np.ndarray:
 
 def check_repeated_rows(path: Path, table: pd.DataFrame) -> None:
     """Raise RecordingError for a row that repeats the one before in everything, force and time included."""
+    refuse = partial(_refuse, path, table)
     known = table[["fx_N", "fy_N", "fz_N"]].notna().all(axis=1)
     again = known & (table == table.shift()).where(table.notna() | table.shift().notna(), True).all(axis=1)
-    if again.any():
-        line = again.idxmax()
-        raise RecordingError(
-            f"{path}, row {line}: indentation {table.at[line, 'press']}: the row appears twice, time_s"
-            f" {table.at[line, 'time_s']:g} and force included; remove one"
-        )
+    refuse(
+        again,
+        lambda row: (
+            f"indentation {row.press}: the row appears twice, time_s {row.time_s:g} and force included; remove one"
+        ),
+    )
 
 
 def check_clock(path: Path, table: pd.DataFrame) -> None:
@@ -204,20 +203,15 @@ def check_raw_force(path: Path, table: pd.DataFrame, raw: np.ndarray, force: For
     """Raise RecordingError for a missing reading or one beyond the force sensor's range."""
     range_N = np.array(force.range_N or [FORCE_N] * 3)
     for axis, name in enumerate(("fx_N", "fy_N", "fz_N")):
-        wrong = ~np.isfinite(raw[:, axis])
-        if wrong.any():
-            line = table.index[wrong.argmax()]
-            raise RecordingError(
-                f"{path}, row {line}: {name} is empty or not finite; fill it or remove the row"
-            )
+        _refuse_empty(path, table, raw[:, axis], name)
         beyond = np.abs(raw[:, axis]) > range_N[axis]
         if beyond.any():
             line = table.index[beyond.argmax()]
             source = "force.range_N" if force.range_N else "the limit for a soft gel"
             raise RecordingError(
-                f"{path}, row {line}: {name} {raw[beyond.argmax(), axis]:.6g} N beyond {range_N[axis]:g} N "
-                f"({source}); "
-                "correct the reading or the range, is it in millinewtons, or in counts (force.counts_per_unit of an import)?"
+                f"{path}, row {line}: {name} {raw[beyond.argmax(), axis]:.6g} N beyond {range_N[axis]:g} N ({source});"
+                " correct the reading or the range, is it in millinewtons, or in counts"
+                " (force.counts_per_unit of an import)?"
             )
 
 
@@ -234,7 +228,6 @@ def check_force(path: Path, readings: pd.DataFrame, force: ForceSensor) -> None:
         )
     if deep["fz_N"].median() > force.resolution_N[2]:
         raise RecordingError(
-            f"{path}: pressing gives fz_N {deep['fz_N'].median():.3g} N (median of the deep indentations); it "
-            "must be negative "
-            "on the sensor, z up: correct force.acts_on or force.axes in session.yaml"
+            f"{path}: pressing gives fz_N {deep['fz_N'].median():.3g} N (median of the deep indentations); it must be"
+            " negative on the sensor, z up: correct force.acts_on or force.axes in session.yaml"
         )

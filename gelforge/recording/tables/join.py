@@ -29,13 +29,8 @@ def press_table(readings: pd.DataFrame) -> pd.DataFrame:
         file).
     """
     held = readings[readings["phase"].isin(["load", "dwell"])]
-    presses = held.groupby("press", sort=False).agg(
-        order=("order", "first"),
-        cell=("cell", "first"),
-        x_mm=("x_mm", "first"),
-        y_mm=("y_mm", "first"),
-        depth_mm=("depth_mm", "max"),
-    )
+    first = {name: (name, "first") for name in ("order", "cell", "x_mm", "y_mm")}
+    presses = held.groupby("press", sort=False).agg(**first, depth_mm=("depth_mm", "max"))
     lines = pd.Series(readings.index, index=readings["press"].to_numpy())
     presses["row"] = lines.groupby(level=0).first()
     return presses.reset_index()

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-# Time runs on between two readings that share a stamp: the period of 1000 readings a second.
+# Time runs on between two readings that share a stamp: the period of 1000 readings a second. Stamps that are kept are
+# those of tests/dataset/test_session_labels.py.
 LEAST_STEP_S = 1e-3
 
 

@@ -34,14 +34,7 @@ def metadata(source: Source, folder: Path, options: Options) -> dict:
     objects = [
         file_object(path.name, path.stat().st_size, PARQUET, file_sha256(path), "data/") for path in files
     ]
-    together = {
-        "@type": "cr:FileSet",
-        "@id": FILES,
-        "name": FILES,
-        "description": "all rows",
-        "encodingFormat": PARQUET,
-        "includes": "data/*.parquet",
-    }
+    together = _node("FileSet", FILES, "all rows", encodingFormat=PARQUET, includes="data/*.parquet")
     return croissant_metadata(
         source.manifest["study"], summary(source.manifest), options.licence, options.published
     ) | {
@@ -51,50 +44,41 @@ def metadata(source: Source, folder: Path, options: Options) -> dict:
     }
 
 
+def _node(kind: str, identity: str, description: str, **more) -> dict:
+    """Return a node of the JSON-LD; its name is the last part of its identity."""
+    name = identity.rpartition("/")[2]
+    return {"@type": f"cr:{kind}", "@id": identity, "name": name, "description": description, **more}
+
+
 def _splits(source: Source) -> dict:
     """Return the record set that names the splits."""
-    return {
-        "@type": "cr:RecordSet",
-        "@id": "splits",
-        "name": "splits",
-        "description": "the splits that have rows, by orbit: a site with its mirror images",
-        "dataType": "cr:Split",
-        "key": {"@id": "splits/name"},
-        "field": [
-            {
-                "@type": "cr:Field",
-                "@id": "splits/name",
-                "name": "name",
-                "description": "name of the split",
-                "dataType": "sc:Text",
-            }
-        ],
-        "data": [{"splits/name": split} for split in source.counts],
-    }
+    return _node(
+        "RecordSet",
+        "splits",
+        "the splits that have rows, by orbit: a site with its mirror images",
+        dataType="cr:Split",
+        key={"@id": "splits/name"},
+        field=[_node("Field", "splits/name", "name of the split", dataType="sc:Text")],
+        data=[{"splits/name": split} for split in source.counts],
+    )
 
 
 def _rows(source: Source) -> dict:
     """Return the record set of all rows; the field `rows/split` says which split each belongs to."""
-    return {
-        "@type": "cr:RecordSet",
-        "@id": "rows",
-        "name": "rows",
-        "description": "one sample per record",
-        "field": [_field(name, variable) for name, variable in source.variables.items()],
-    }
+    fields = [_field(name, variable) for name, variable in source.variables.items()]
+    return _node("RecordSet", "rows", "one sample per record", field=fields)
 
 
 def _field(name: str, variable: Variable) -> dict:
     image = variable.kind == "image"
     extract: dict = {"fileSet": {"@id": FILES}, "extract": {"column": name}}
-    field: dict[str, object] = {
-        "@type": "cr:Field",
-        "@id": f"rows/{name}",
-        "name": name,
-        "description": f"{variable.description} [{variable.unit}]",
-        "dataType": TYPES[variable.kind],
-        "source": extract | ({"transform": {"jsonPath": "bytes"}} if image else {}),
-    }
+    field = _node(
+        "Field",
+        f"rows/{name}",
+        f"{variable.description} [{variable.unit}]",
+        dataType=TYPES[variable.kind],
+        source=extract | ({"transform": {"jsonPath": "bytes"}} if image else {}),
+    )
     if variable.shape and not image:
         field |= {"isArray": True, "arrayShape": ",".join(map(str, variable.shape))}
     if name == "split":

@@ -70,9 +70,8 @@ def write(source: Source, folder: Path, options: Options) -> None:
         splits[split] = f"{start}:{start + len(source.of_split(split))}"
         start += len(source.of_split(split))
     info = _info(source, variables, options.fps, splits)
-    write_text(
-        folder / "meta" / "info.json", json.dumps(info, indent=2) + "\n"
-    )  # features in the order of the columns
+    # features in the order of the columns
+    write_text(folder / "meta" / "info.json", json.dumps(info, indent=2) + "\n")
     use = USE.format(
         study=source.manifest["study"],
         label=source.variables["force_distribution_N"].shape,

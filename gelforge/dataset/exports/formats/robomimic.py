@@ -39,9 +39,8 @@ def write(source: Source, folder: Path, options: Options) -> None:
         data.attrs["total"] = sum(source.counts.values())
         data.attrs["env_args"] = json.dumps({"env_name": "gelforge", "type": 1, "env_kwargs": {}})
         about = {name: [v.unit, v.description] for name, v in source.variables.items()}
-        data.attrs["columns"] = json.dumps(
-            about
-        )  # once: on every dataset they would outweigh small indentations
+        # once: on every dataset they would outweigh small indentations
+        data.attrs["columns"] = json.dumps(about)
         data.attrs["manifest_sha256"] = source.manifest_sha256
         for number, press in enumerate(tracked(source.presses, "indentations exported")):
             _write_press(data.create_group(f"demo_{number}"), source, press)
@@ -59,9 +58,8 @@ def _write_press(group: h5py.Group, source: Source, press: Press) -> None:
     for name, variable in source.variables.items():
         if variable.kind == "text":
             values = np.char.encode(rows[name].astype(str), "utf-8")
-            kind = h5py.string_dtype(
-                "utf-8", max(values.itemsize, 1)
-            )  # of one length: others take 4 kB for each indentation
+            # of one length: others take 4 kB for each indentation
+            kind = h5py.string_dtype("utf-8", max(values.itemsize, 1))
             group.create_dataset(f"about/{name}", data=values.astype(kind), dtype=kind)
         else:
             image = variable.kind == "image"

@@ -12,14 +12,8 @@ from gelforge.importing.public.labelled import UNKNOWN, Layout, Options, Reading
 from gelforge.importing.refusals import ImportingError
 
 SUMS, GRIDS = ("f_x", "f_y", "f_z"), ("grid_x", "grid_y", "grid_z")
-RAW = (
-    "x_0",
-    "y_0",
-    "z_0",
-    "d_x",
-    "d_y",
-    "d_z",
-)  # of their own machine's records: start and displacement [mm]
+# of their own machine's records: start and displacement [mm]
+RAW = ("x_0", "y_0", "z_0", "d_x", "d_y", "d_z")
 TORQUES = ("m_x", "m_y", "m_z")  # [N m]
 
 

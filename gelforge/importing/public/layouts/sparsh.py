@@ -46,9 +46,8 @@ def _batch(file: Path, name: str) -> Iterator[Reading]:
             )
         except KeyError as error:
             raise ImportingError(f"{file}: {error} is missing; convert the pickle again") from None
-        count = min(
-            len(index), len(force), len(pose)
-        )  # some trajectories name more images than they have forces
+        # some trajectories name more images than they have forces
+        count = min(len(index), len(force), len(pose))
         for k in range(count):
             yield Reading(
                 images[int(index[k])], force[k], f"{name}_{number}", reference, position_mm=pose[k][:3]

@@ -20,7 +20,8 @@ FIELDS = [  # of a wrench, as the messages of the one or the other schema name t
     ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"),
     ("wrench.force.x", "wrench.force.y", "wrench.force.z", "wrench.torque.x", "wrench.torque.y", "wrench.torque.z"),
 ]  # fmt: skip
-# an image and a wrench farther apart than half a frame of 30 per second, 1/60 s, are not of one moment
+# An image and a wrench farther apart than half a frame of 30 per second, 1/60 s, are not of one moment. Files with
+# other pairs are refused (tests/importing/test_other_sources.py).
 LEAST_S = 0.02
 
 
