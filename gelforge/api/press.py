@@ -14,8 +14,8 @@ from gelforge.api.materials import Fitted
 from gelforge.api.printed import components, table, with_error
 from gelforge.api.studies import indenters, paper_study, sensors, shipped_like, study_of
 from gelforge.config import ConfigError, Study, study_from
-from gelforge.config.basis.common import Section
 from gelforge.config.basis.variants import merged
+from gelforge.section import Section
 
 if TYPE_CHECKING:
     from gelforge.indentation.cells.cell_file import Cell

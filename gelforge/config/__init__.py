@@ -4,15 +4,6 @@ This is the only package that names configuration keys and the only one that rea
 converted here. An unknown or out-of-range key is refused with its full path, the value found and the limit.
 """
 
-from gelforge.config.basis.common import (
-    NAME,
-    ConfigError,
-    Name,
-    NonNegative,
-    Positive,
-    Section,
-    given,
-)
 from gelforge.config.basis.variants import Variant
 from gelforge.config.parts.camera import Camera, Distortion, Port
 from gelforge.config.parts.effects import Effects
@@ -46,6 +37,15 @@ from gelforge.config.studies.files import (
 )
 from gelforge.config.studies.study import SOFT_SHARE, Study
 from gelforge.mechanics.laws.models.ogden import OgdenParameters
+from gelforge.section import (
+    NAME,
+    ConfigError,
+    Name,
+    NonNegative,
+    Positive,
+    Section,
+    given,
+)
 
 __all__ = [
     "SOFT_SHARE",
