@@ -16,15 +16,13 @@ def error_bars(results: StudyResults) -> Chapter:
     """Return the uncertainty of the simulated vertical forces by depth: of the mesh and of the constitutive models."""
     chapter = Chapter("sure", "Label uncertainty")
     if not results.study.mechanics.error_bars:
-        chapter.say("No error bars: the study has mechanics.error_bars: false.")
-        return chapter
+        return chapter.say("No error bars: the study has mechanics.error_bars: false.")
     solved = [cell for cell in results.converged() if not cell.source]
     rows = results.label_errors
     if rows.empty:
-        chapter.miss(
+        return chapter.miss(
             "No error bars: no solved site holds any; sites made before they were stored are to be made again."
         )
-        return chapter
     sites, place = results.sites_at("centre")
     if not sites:
         sites, place = solved[:1], f"({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm"
@@ -41,11 +39,10 @@ def error_bars(results: StudyResults) -> Chapter:
             " given, and add nothing."
         )
     chapter.show(words, error_bar_figure(of_shown, place))
-    chapter.tabulate(
+    return chapter.tabulate(
         f"Standard deviation of the vertical force over the force, of {count(rows.cell.nunique(), 'solved site')}.",
         sigma_table(rows),
     )
-    return chapter
 
 
 def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
