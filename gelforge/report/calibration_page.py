@@ -14,7 +14,7 @@ from gelforge.files import read_product_json
 from gelforge.mismatch.result.verdict import PAGE
 from gelforge.mismatch.result.verdict_tables import READINGS, read_table
 from gelforge.report.chapters.chapter import Chapter, Facts
-from gelforge.report.figures.style import SIGNED, new_figure, styled
+from gelforge.report.figures.style import SIGNED, Style, new_figure, styled
 from gelforge.report.page import write_page
 from gelforge.report.verdict.mismatch_curves import depth_figure
 from gelforge.report.verdict.mismatch_reader import JudgedReadings
@@ -121,16 +121,8 @@ def site_figure(readings: pd.DataFrame) -> Figure:
     }
     for ax, (name, share) in zip(axes[0], left.items()):
         limit = max(float(share.abs().max()), 1e-6)
-        drawn = ax.scatter(
-            place["x_mm"],
-            place["y_mm"],
-            c=share,
-            s=70,
-            cmap=SIGNED,
-            vmin=-limit,
-            vmax=limit,
-            edgecolors="#888",
-        )
+        look: Style = {"s": 70, "cmap": SIGNED, "vmin": -limit, "vmax": limit, "edgecolors": "#888"}
+        drawn = ax.scatter(place["x_mm"], place["y_mm"], c=share, **look)
         figure.colorbar(drawn, ax=ax, label="residual of $F_z$ [%]")
         ax.set(title=name, xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
         ax.margins(0.2)

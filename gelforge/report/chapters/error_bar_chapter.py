@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import SIGMAS, StudyResults
 from gelforge.report.figures.neighbours import depth_classes
-from gelforge.report.figures.style import BAND_SIGMAS, SIMULATED, new_figure, styled
+from gelforge.report.figures.style import BAND_SIGMAS, SIMULATED, Style, new_figure, styled
 
 
 def error_bars(results: StudyResults) -> Chapter:
@@ -65,24 +65,11 @@ def error_bar_figure(cell: pd.DataFrame, place: str) -> Figure:
     ax = axes[0, 0]
     band = BAND_SIGMAS * np.hypot(cell["mesh"], cell["constitutive models"])
     pooled = cell["cell"].nunique() > 1
-    ax.fill_between(
-        cell["depth"],
-        cell["force"] - band,
-        cell["force"] + band,
-        color=SIMULATED,
-        alpha=0.3,
-        lw=0,
-        label="± 2 sigma, mesh and material",
-    )
-    ax.plot(
-        cell["depth"],
-        cell["force"],
-        "." if pooled else ".-",
-        color=SIMULATED,
-        ms=4,
-        lw=0.8,
-        label="this study: FEM",
-    )
+    edges = cell["force"] - band, cell["force"] + band
+    words = "± 2 sigma, mesh and material"
+    ax.fill_between(cell["depth"], *edges, color=SIMULATED, alpha=0.3, lw=0, label=words)
+    look: Style = {"color": SIMULATED, "ms": 4, "lw": 0.8, "label": "this study: FEM"}
+    ax.plot(cell["depth"], cell["force"], "." if pooled else ".-", **look)
     ax.set(ylabel="vertical force, $-F_z$ [N]", title=place, xlabel="depth [mm]")
     ax.set_xlim(left=0)
     ax.set_ylim(bottom=0)
