@@ -7,7 +7,6 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from gelforge.config.basis.common import Section
 from gelforge.config.foreign.mapping import (
     Column,
     Corrections,
@@ -22,6 +21,7 @@ from gelforge.config.foreign.mapping import (
 )
 from gelforge.config.foreign.table_form import TableForm
 from gelforge.files import write_text
+from gelforge.section import Section
 from gelforge.units import UNITS
 
 PAGE = Path(__file__).parent / "material-mappings.md"

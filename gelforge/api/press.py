@@ -14,8 +14,8 @@ from gelforge.api.materials import Fitted
 from gelforge.api.printed import components, table, with_error
 from gelforge.api.studies import indenters, paper_study, sensors, shipped_like, study_of
 from gelforge.config import ConfigError, Study, study_from
-from gelforge.config.basis.common import Section
 from gelforge.config.basis.variants import merged
+from gelforge.section import Section
 
 if TYPE_CHECKING:
     from gelforge.indentation.cells.cell_file import Cell
@@ -102,23 +102,17 @@ class Pressed:
                 zip(attributes.get("sensitivity_names", ()), attributes.get("sensitivity_units", ()))
             )
         }
+        same = ("depth_mm", "total_force_N", "side_force_N", "bin_force_N", "bin_normal_N", "node_xy_mm")
+        same += ("node_displacement_mm", "node_normal_N", "node_state")
         return cls(
             phase=tuple(str(phase) for phase in attributes["phases"]),
-            depth_mm=a["depth_mm"],
-            total_force_N=a["total_force_N"],
             total_sigma_N=_sigma(a, "total"),
-            side_force_N=a["side_force_N"],
-            bin_force_N=a["bin_force_N"],
-            bin_normal_N=a["bin_normal_N"],
             bin_friction_N=a["bin_shear_N"],
             bin_sigma_N=_sigma(a, "bin"),
-            node_xy_mm=a["node_xy_mm"],
-            node_displacement_mm=a["node_displacement_mm"],
-            node_normal_N=a["node_normal_N"],
             node_friction_N=a["node_shear_N"],
-            node_state=a["node_state"],
             slopes=slopes,
             cell=cell,
+            **{name: a[name] for name in same},
         )
 
 

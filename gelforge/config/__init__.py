@@ -4,15 +4,6 @@ This is the only package that names configuration keys and the only one that rea
 converted here. An unknown or out-of-range key is refused with its full path, the value found and the limit.
 """
 
-from gelforge.config.basis.common import (
-    NAME,
-    ConfigError,
-    Name,
-    NonNegative,
-    Positive,
-    Section,
-    given,
-)
 from gelforge.config.basis.variants import Variant
 from gelforge.config.parts.camera import Camera, Distortion, Port
 from gelforge.config.parts.effects import Effects
@@ -46,59 +37,12 @@ from gelforge.config.studies.files import (
 )
 from gelforge.config.studies.study import SOFT_SHARE, Study
 from gelforge.mechanics.laws.models.ogden import OgdenParameters
-
-__all__ = [
-    "SOFT_SHARE",
-    "Bins",
-    "Camera",
-    "ConfigError",
-    "DepthZero",
-    "Distortion",
-    "Effects",
-    "Features",
-    "Fitting",
-    "ForceSensor",
-    "Indenter",
-    "IndenterPart",
-    "Interpolation",
-    "LAW_NAMES",
-    "LawParameters",
-    "Layer",
-    "Learning",
-    "Material",
-    "Mechanics",
-    "Mesh",
-    "NAME",
-    "Name",
-    "NonNegative",
-    "OgdenParameters",
-    "Plan",
-    "Port",
-    "Positive",
-    "PrintedDots",
-    "Section",
-    "Sensor",
-    "Shape",
-    "Session",
-    "StageToSensor",
-    "Study",
-    "Variant",
-    "VirtualImaging",
-    "VirtualLab",
-    "VirtualParticles",
-    "VirtualSample",
-    "VirtualSession",
-    "changed_study",
-    "given",
-    "load_camera",
-    "load_section",
-    "load_session",
-    "load_study",
-    "load_virtual_lab",
-    "schema",
-    "section_from",
-    "session_study",
-    "study_from",
-    "variant_study",
-    "write_yaml",
-]
+from gelforge.section import (
+    NAME,
+    ConfigError,
+    Name,
+    NonNegative,
+    Positive,
+    Section,
+    given,
+)

@@ -109,9 +109,8 @@ class LiveForce:
         """Take a frame as the one of zero force. Raises ImageError for one that the model cannot use."""
         image = self.image_of(frame)
         extract = FlowFeatures(image, self.features)
-        self.predictor(
-            extract(image)
-        )  # so that no frame pays for what is set up once; says too what cannot be used
+        # so that no frame pays for what is set up once; says too what cannot be used
+        self.predictor(extract(image))
         self.extract, self.look = extract, Look.of(image)
         self.zero += 1
 
@@ -153,12 +152,9 @@ class LiveForce:
         flow = mark(self.extract.flow(image))
         feature = mark(self.extract.of_flow(flow))
         force, disagreement = mark(self.predictor.follow(feature))
-        batch = force[None]
-        bars = (
-            (model.intervals.of_true_bins(batch)[0], model.intervals.of_true_totals(batch)[0])
-            if model.intervals
-            else (None, None)
-        )
+        batch, half, total_half = force[None], None, None
+        if bars := model.intervals:
+            half, total_half = bars.of_true_bins(batch)[0], bars.of_true_totals(batch)[0]
         place = centre_of_pressure(batch, *self.grid)[0] if force[:, 2].any() else np.array([np.nan, np.nan])
         apart = tuple(mark(contacts(force, *self.grid)))
         warnings = mark(self.look.warnings(image))
@@ -172,9 +168,9 @@ class LiveForce:
             shot.number,
             shot.t_capture,
             force,
-            bars[0],
+            half,
             force.sum(axis=0),
-            bars[1],
+            total_half,
             place if np.isfinite(place).all() else None,
             apart,
             warnings=warnings,

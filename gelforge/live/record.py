@@ -108,9 +108,8 @@ class Recorder:
                     batch.append(self._queue.get())
                 going = None not in batch
                 self._append([reading for reading in batch if reading is not None])
-                if (
-                    time.monotonic() - flushed > 1.0
-                ):  # s of readings are lost at most where the process is killed
+                # s of readings are lost at most where the process is killed
+                if time.monotonic() - flushed > 1.0:
                     self._file.flush()
                     flushed = time.monotonic()
                 full = self._bytes >= 1e6 * self._limits.largest_mb
@@ -128,15 +127,15 @@ class Recorder:
     def _append(self, readings: list[Reading]) -> None:
         if not readings:
             return
-        missing = {"half": np.full(3, np.nan), "cop": np.full(2, np.nan)}
+        missing = np.full(3, np.nan)
         rows: dict[str, list] = {
             "number": [r.number for r in readings],
             "t_capture": [r.t_capture for r in readings],
             "zero": [r.zero for r in readings],
             "warned": [bool(r.warnings) for r in readings],
             "total_force_N": [r.total_N for r in readings],
-            "total_half_N": [missing["half"] if r.total_half_N is None else r.total_half_N for r in readings],
-            "cop_mm": [missing["cop"] if r.cop_mm is None else r.cop_mm for r in readings],
+            "total_half_N": [missing if r.total_half_N is None else r.total_half_N for r in readings],
+            "cop_mm": [missing[:2] if r.cop_mm is None else r.cop_mm for r in readings],
             "force_distribution_N": [r.force_N for r in readings],
         }
         self._bytes += len(readings) * self._row_bytes

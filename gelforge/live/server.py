@@ -175,12 +175,8 @@ class Server:
             return None
         if path not in ("/", "/index.html"):
             return client.respond(http.HTTPStatus.NOT_FOUND, f"only / and {STREAM} are here\n")
-        headers = {
-            "Content-Type": "text/html; charset=utf-8",
-            "Content-Length": str(len(self._page)),
-            **SAFETY,
-        }
-        return Response(200, "OK", Headers(headers | {"Connection": "close"}), self._page)
+        headers = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(self._page))}
+        return Response(200, "OK", Headers(headers | SAFETY | {"Connection": "close"}), self._page)
 
     async def _client(self, client: ServerConnection) -> None:
         """Send to one client until it goes, and take its commands."""

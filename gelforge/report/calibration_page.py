@@ -14,7 +14,7 @@ from gelforge.files import read_product_json
 from gelforge.mismatch.result.verdict import PAGE
 from gelforge.mismatch.result.verdict_tables import READINGS, read_table
 from gelforge.report.chapters.chapter import Chapter, Facts
-from gelforge.report.figures.style import SIGNED, new_figure, styled
+from gelforge.report.figures.style import SIGNED, Style, new_figure, styled
 from gelforge.report.page import write_page
 from gelforge.report.verdict.mismatch_curves import depth_figure
 from gelforge.report.verdict.mismatch_reader import JudgedReadings
@@ -85,30 +85,27 @@ def in_short(content: Content) -> Chapter:
         for axis, before in held["before_N"].items()
     ]
     facts.append(("By chance as much is left", f"p = {content['p']:.2g}"))
-    chapter.blocks.append(Facts(facts))
-    return chapter
+    return chapter.add(Facts(facts))
 
 
 def curves(readings: pd.DataFrame) -> Chapter:
     """Return force over depth before and after at a few sites, and what is left."""
     chapter = Chapter("curves", "Force over depth")
-    chapter.show(
+    return chapter.show(
         "Grey is the study at the priors' means (before), blue calibrated by all readings (after), orange the readings."
         " Below are residuals. Bands are two standard deviations of the errors allowed for.",
         depth_figure(JudgedReadings(readings)),
     )
-    return chapter
 
 
 def residuals(readings: pd.DataFrame) -> Chapter:
     """Return what is left of the pressing force, site by site."""
     chapter = Chapter("sites", "Residuals by site")
-    chapter.show(
+    return chapter.show(
         "Mean of measured less simulated pressing force over its size [%], before and after, each on its own scale."
         " A pattern over the sensor says that something with a place is missing.",
         site_figure(readings),
     )
-    return chapter
 
 
 @styled
@@ -124,16 +121,8 @@ def site_figure(readings: pd.DataFrame) -> Figure:
     }
     for ax, (name, share) in zip(axes[0], left.items()):
         limit = max(float(share.abs().max()), 1e-6)
-        drawn = ax.scatter(
-            place["x_mm"],
-            place["y_mm"],
-            c=share,
-            s=70,
-            cmap=SIGNED,
-            vmin=-limit,
-            vmax=limit,
-            edgecolors="#888",
-        )
+        look: Style = {"s": 70, "cmap": SIGNED, "vmin": -limit, "vmax": limit, "edgecolors": "#888"}
+        drawn = ax.scatter(place["x_mm"], place["y_mm"], c=share, **look)
         figure.colorbar(drawn, ax=ax, label="residual of $F_z$ [%]")
         ax.set(title=name, xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
         ax.margins(0.2)
@@ -145,11 +134,10 @@ def apart(content: Content) -> Chapter:
     chapter, correlation = Chapter("apart", "Which parameters can be distinguished"), content["correlation"]
     table = pd.DataFrame(np.round(correlation["matrix"], 3), columns=correlation["names"])
     table.insert(0, "parameter", correlation["names"])
-    chapter.tabulate(
+    return chapter.tabulate(
         "Correlation of the errors of two parameters; ±1: the presses see one combination of them alone.",
         table,
     )
-    return chapter
 
 
 def origin(content: Content) -> Chapter:
@@ -161,7 +149,7 @@ def origin(content: Content) -> Chapter:
     facts += [(f"SHA-256 of session {name}", value) for name, value in made["sessions"].items()]
     facts.append(("Seed of what is held out", str(made["seed"])))
     facts += [("Versions", ", ".join(f"{name} {version}" for name, version in made["versions"].items()))]
-    chapter.blocks.append(Facts(facts))
+    chapter.add(Facts(facts))
     for sentence in content["cannot_know"]:
         chapter.say(sentence)
     return chapter

@@ -70,21 +70,11 @@ def patch_test() -> list[Check]:
     u, iterates = solve_loaded(body, body.spread(disturbed), np.zeros_like(exact))
     errors = [float(np.abs(iterate - exact).max()) for iterate in iterates]
     # Rounding of u (1e-16) times the condition of about K/mu.
+    quantity = "patch test: displacement, isochoric, K/mu 1e4, distorted, hanging nodes [mm]"
+    order, name = newton_order(errors), "patch test: order of Newton's iteration"
     return [
-        vanishing(
-            "patch test: displacement, isochoric, K/mu 1e4, distorted, hanging nodes [mm]",
-            "affine field",
-            np.abs(u - exact).max(),
-            1e-12,
-        ),
-        Check(
-            "patch test: order of Newton's iteration",
-            "2, at least 1.8",
-            2.0,
-            order := newton_order(errors),
-            2.0 - order,
-            0.2,
-        ),
+        vanishing(quantity, "affine field", np.abs(u - exact).max(), 1e-12),
+        Check(name, "2, at least 1.8", 2.0, order, 2.0 - order, 0.2),
     ]
 
 

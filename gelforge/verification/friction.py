@@ -164,27 +164,17 @@ def frictionless_slide() -> list[Check]:
     press = Press(Body(mesh, {"gel": NEO_HOOKE}, 100.0), Sphere(5.0), replace(ROUNDING, friction=0.0))
     start = press.start(8.0, 8.0)
     step, size = 0.002, 0.5
-    slide = np.concatenate(
-        [np.linspace(-size / 2, size / 2, 9), [size / 8 - step, size / 8, size / 8 + step]]
-    )
+    slide = [*np.linspace(-size / 2, size / 2, 9), size / 8 - step, size / 8, size / 8 + step]
     path = np.array([[-size / 2, 0.0, -0.5], *[[x, 0.0, -0.8] for x in slide]])
     states = list(press.follow(start, start.centre + path))[1:]
     force = np.array([state.force for state in states])
     before, middle, after = states[-3:]
     slope = (after.energy - before.energy) / (2 * step)
     drag = np.trapezoid(force[:9, 0], dx=size / 8) / size
+    mean = "mean drag of a frictionless ball over one element, over its force"
+    along = "its force along the slide less the slope of the energy, over its force"
     return [
-        vanishing(
-            "mean drag of a frictionless ball over one element, over its force",
-            "no work is done",
-            drag / force[0, 2],
-            1e-3,
-        ),
+        vanishing(mean, "no work is done", drag / force[0, 2], 1e-3),
         # central differences: h^2 of a force that changes over an element
-        vanishing(
-            "its force along the slide less the slope of the energy, over its force",
-            "elasticity",
-            (-middle.force[0] - slope) / middle.force[2],
-            1e-4,
-        ),
+        vanishing(along, "elasticity", (-middle.force[0] - slope) / middle.force[2], 1e-4),
     ]

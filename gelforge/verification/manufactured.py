@@ -24,9 +24,8 @@ from gelforge.mechanics.meshes.mesh import Block, Mesh, Sizes, layered_block
 AMPLITUDE = 0.08  # mm on a cube of 1 mm: strains of 0.25
 PRESSURE = 0.3  # over mu: any would do, and 0.3 is of the size of the stresses of AMPLITUDE
 LAW = Ogden((0.02, 0.001), (1.3, 4.0))
-KUHN = [
-    (0, a, b, 6) for a, b in [(1, 2), (2, 3), (3, 7), (7, 4), (4, 5), (5, 1)]
-]  # six tetrahedra of a hexahedron
+# six tetrahedra of a hexahedron
+KUHN = [(0, a, b, 6) for a, b in [(1, 2), (2, 3), (3, 7), (7, 4), (4, 5), (5, 1)]]
 
 Field = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # u, F, added pressure over mu
 
@@ -34,9 +33,8 @@ Field = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # u, 
 # -------------------------------------------------------------------------------------------------- chosen solutions
 def general_field(X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return u (..., 3) [mm], F (..., 3, 3) and no added pressure (...) at X (..., 3) of a field that changes volume."""
-    waves = np.pi * np.array(
-        [[0.3, 1.0, 0.5], [0.8, -0.4, 1.0], [1.0, 0.6, -0.7]]
-    )  # row i: wave vector of u_i
+    # row i: wave vector of u_i
+    waves = np.pi * np.array([[0.3, 1.0, 0.5], [0.8, -0.4, 1.0], [1.0, 0.6, -0.7]])
     phase = X @ waves.T + [0.3, 0.7, 1.1]
     F = np.eye(3) + AMPLITUDE * np.cos(phase)[..., :, None] * waves
     return AMPLITUDE * np.sin(phase), F, np.zeros(X.shape[:-1])
@@ -96,11 +94,9 @@ def convergence_order(
 ) -> tuple[float, float]:
     """Return the orders in h at which the errors of displacement and gradient fall between two meshes."""
     coarse, fine = (solve_manufactured(cube(n, kind), field, bulk_to_shear) for n in sizes)
-    ratio = np.log(sizes[1] / sizes[0])
-    return (
-        float(np.log(coarse.displacement / fine.displacement) / ratio),
-        float(np.log(coarse.gradient / fine.gradient) / ratio),
-    )
+    falls = coarse.displacement / fine.displacement, coarse.gradient / fine.gradient
+    of_u, of_F = (float(np.log(fall) / np.log(sizes[1] / sizes[0])) for fall in falls)
+    return of_u, of_F
 
 
 def solve_loaded(

@@ -25,13 +25,14 @@ from gelforge.verification.elements import GEL, distorted
 
 # ------------------------------------------------------------------------------------- small strain, known solutions
 NEO_HOOKE = Ogden((0.02,), (2.0,))  # MPa
-BULK_TO_SHEAR = 1000.0  # Poisson's ratio 0.4995
+BULK_TO_SHEAR = 1000.0  # Poisson's ratio 0.4995; a study's usual one (config/parts/mechanics.py)
 NU = poissons_ratio(BULK_TO_SHEAR)
 # mm: at a contact radius of 1 mm the strains are some 0.01, a / R (Hertz 1882), and a ball is a paraboloid to 1e-4
 RADIUS = 100.0
 
 # The problems whose errors docs/verification.md compares with their limits:
 PER_RADIUS = 8  # elements over the contact radius
+WITHIN = "contact radius [mm], within one element"
 
 
 def hertz_presses() -> list[Check]:
@@ -50,13 +51,7 @@ def hertz_presses() -> list[Check]:
     radius = contact_radius(press, states[0])
     return [
         relative("Hertz: force [N]", "Hertz 1882", known.force, force[0], 0.02),
-        absolute(
-            "Hertz: contact radius [mm], within one element",
-            "Hertz 1882",
-            known.contact_radius,
-            radius,
-            1.0 / PER_RADIUS,
-        ),
+        absolute(f"Hertz: {WITHIN}", "Hertz 1882", known.contact_radius, radius, 1.0 / PER_RADIUS),
         absolute("Hertz: exponent of force in depth", "Hertz 1882", 1.5, exponent, 0.02),
     ]
 
@@ -84,23 +79,14 @@ def bonded_layers(ratios=(0.3, 0.5, 1.0)) -> list[Check]:
         width = 2 * (
             1.0 + 3 * thickness
         )  # what is pressed out comes up within two thicknesses of the contact
-        mesh = layered_block(
-            Block(width, width, (("gel", thickness),)),
-            width / 2,
-            width / 2,
-            Sizes(near, near_radius=1.3, growth=0.3, far=thickness / 2),
-        )
+        block = Block(width, width, (("gel", thickness),))
+        sizes = Sizes(near, near_radius=1.3, growth=0.3, far=thickness / 2)
+        mesh = layered_block(block, width / 2, width / 2, sizes)
         (state,), press = _press_flat(mesh, width / 2, [known.depth])
         name, source = f"bonded layer a/h = {ratio:g}", "Fredholm equation"
         checks += [
             relative(f"{name}: force [N]", source, known.force, -state.force[2], 0.01),
-            absolute(
-                f"{name}: contact radius [mm], within one element",
-                source,
-                1.0,
-                contact_radius(press, state),
-                near,
-            ),
+            absolute(f"{name}: {WITHIN}", source, 1.0, contact_radius(press, state), near),
         ]
     return checks
 
@@ -111,23 +97,18 @@ def contact_patch() -> list[Check]:
     Without lateral contraction (K/mu = 2/3) and at small strain the block on its clamped base shortens evenly.
     """
     height, depth, mu = 2.0, 0.01, 0.02
-    mesh = layered_block(
-        Block(4.0, 4.0, (("gel", height),)), 2.0, 2.0, Sizes(near=0.5, near_radius=0.6, growth=0.4, far=1.0)
-    )
+    sizes = Sizes(near=0.5, near_radius=0.6, growth=0.4, far=1.0)
+    mesh = layered_block(Block(4.0, 4.0, (("gel", height),)), 2.0, 2.0, sizes)
     inside = ((mesh.X > mesh.X.min(axis=0) + 1e-9) & (mesh.X < mesh.X.max(axis=0) - 1e-9)).all(axis=1)
     mesh = replace(distorted(replace(mesh, fixed=~inside), 0.2), fixed=mesh.fixed)
     settings = Settings(friction=0.0, force_tolerance=1e-12, gap_tolerance=1e-12)
-    press = Press(
-        SmallStrainBody(mesh, {"gel": Ogden((mu,), (2.0,))}, 2 / 3),
-        Cylinder(radius=20.0, length=20.0, edge=1.0),
-        settings,
-    )
+    body = SmallStrainBody(mesh, {"gel": Ogden((mu,), (2.0,))}, 2 / 3)
+    press = Press(body, Cylinder(radius=20.0, length=20.0, edge=1.0), settings)
     (state,) = follow(press, (2.0, 2.0), [depth])
     top = mesh.X[mesh.surface.nodes, 2] > -1e-9
     assert mesh.ties is not None  # the mesh is refined around the contact
-    area = mesh.ties.T @ lumped_area(
-        mesh.X, mesh.surface.faces
-    )  # of the top alone: rim nodes own side faces too
+    # of the top alone: rim nodes own side faces too
+    area = mesh.ties.T @ lumped_area(mesh.X, mesh.surface.faces)
     pressure = -state.normal_force[top, 2] / area[mesh.surface.nodes[top]]
     known = 2 * mu * depth / height  # E = 2 mu (1 + nu), nu = 0
     # Rounding of stresses that cancel at the inner nodes, and of the gap: 1e-16 of 20 mm times 20 N/mm^3.
@@ -182,7 +163,7 @@ ROUNDING = Settings(force_tolerance=1e-11, gap_tolerance=1e-11, volume_tolerance
 FRICTIONLESS = replace(ROUNDING, friction=0.0)
 
 
-BALL_MM = 5.0  # radius
+BALL_MM = 5.0  # radius of the ball of Sferrazza et al. 2019
 
 
 def sensor_press(position: tuple[float, float] = POSITION, settings: Settings = ROUNDING) -> Press:
@@ -215,14 +196,8 @@ def augmentation_independence() -> list[Check]:
             state = follow(sensor_press(settings=settings), POSITION, DEPTHS)[-1]
             forces.append(state.normal_force + state.friction_force)
         change = np.linalg.norm(forces[1] - forces[0]) / np.linalg.norm(forces[0])
-        checks.append(
-            vanishing(
-                f"change of nodal forces with {kind} augmentation x 16, over the force",
-                "contact without penalty",
-                change,
-                1e-8,
-            )
-        )
+        quantity = f"change of nodal forces with {kind} augmentation x 16, over the force"
+        checks.append(vanishing(quantity, "contact without penalty", change, 1e-8))
     return checks
 
 
@@ -256,6 +231,5 @@ def quarter_turn() -> list[Check]:
     force = follow(sensor_press(), POSITION, DEPTHS)[-1].force
     turned = follow(sensor_press(turned_position), turned_position, DEPTHS)[-1].force
     error = np.linalg.norm(turned - [-force[1], force[0], force[2]]) / np.linalg.norm(force)
-    return [
-        vanishing("force with the indentation turned by 90 degrees, over the force", "symmetry", error, 1e-8)
-    ]
+    quantity = "force with the indentation turned by 90 degrees, over the force"
+    return [vanishing(quantity, "symmetry", error, 1e-8)]

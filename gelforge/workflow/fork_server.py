@@ -200,9 +200,8 @@ def load(command: str) -> None:
     if command in SOLVING:
         load_solver()
     elif command in IMPORTS:
-        with suppress(
-            ModuleNotFoundError
-        ):  # an extra that this study may not need; else its fork names the extra
+        # an extra that this study may not need; else its fork names the extra
+        with suppress(ModuleNotFoundError):
             import_module(IMPORTS[command])
 
 

@@ -43,23 +43,16 @@ STAGES = {  # by rule; a rule that is not here is a stage of its own name
 }
 DERIVED = "mirrored and interpolated sites"
 OF_EACH_JOB = {
-    LogEvent.JOB_INFO,
-    LogEvent.JOB_STARTED,
-    LogEvent.JOB_FINISHED,
-    LogEvent.GROUP_INFO,
-    LogEvent.PROGRESS,
+    *(LogEvent.JOB_INFO, LogEvent.JOB_STARTED, LogEvent.JOB_FINISHED),
+    *(LogEvent.GROUP_INFO, LogEvent.PROGRESS),
 }
 OF_EACH_ROUND = (
-    "Select jobs to execute",
-    "Execute ",
-    "Waiting for more resources",
-    "Finished jobid",
-    "DAG of jobs will be",
+    *("Select jobs to execute", "Execute ", "Waiting for more resources"),
+    *("Finished jobid", "DAG of jobs will be"),
 )
 
-TRUSTED_S = (
-    30.0  # of expected time weigh as much as measured time: the first jobs load libraries and tell little
-)
+# of expected time weigh as much as measured time: the first jobs load libraries and tell little
+TRUSTED_S = 30.0
 
 
 def stage_of(rule: str) -> str:
@@ -181,9 +174,8 @@ class NotOfEachJob(logging.Filter):
         """Return whether a record is shown."""
         if record.levelno > logging.INFO:
             return True
-        return getattr(record, "event", None) not in OF_EACH_JOB and not str(record.msg).startswith(
-            OF_EACH_ROUND
-        )
+        of_job = getattr(record, "event", None) in OF_EACH_JOB
+        return not of_job and not str(record.msg).startswith(OF_EACH_ROUND)
 
 
 def show_stages(

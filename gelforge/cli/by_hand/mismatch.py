@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gelforge.cli.study.cost import Costs
 from gelforge.config import Study, load_study
+from gelforge.files import write_table
 from gelforge.progress import Stages, stage
+
+if TYPE_CHECKING:
+    from gelforge.mismatch.fem.solutions import Solver
 
 
 def mismatch(
     what: str, config: Path, out: Path | None, laws: list[Path], kept: Path | None, workers: int, page: bool
 ) -> None:
     """Judge a recording; or, with `limits` or `plan` in its place, look ahead."""
+    from gelforge.mismatch.pipeline.stage import solver_of
+
     study = load_study(config)
     folder = out or study.results_folder / "mismatch"
-    if what == "limits":
-        limits(study, folder, laws, kept, workers)
-    elif what == "plan":
-        plan(study, folder, laws, kept, workers)
+    if ahead := {"limits": limits, "plan": plan}.get(what):
+        ahead(solver_of(study, folder, laws, kept, workers, []), folder)
     else:
         judge(study, Path(what), folder, laws, kept, workers, page)
 
@@ -50,15 +55,13 @@ def expected_seconds(study: Study, workers: int) -> float:
     return Costs(study, plan_cells(study)).mismatch() / workers
 
 
-def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
+def limits(solver: Solver, out: Path) -> None:
     """Print and write what the study's plan could detect, and print what it could not be asked of."""
-    from gelforge.files import write_table
     from gelforge.mismatch.pipeline.experiments import limits_table, planned_problem
-    from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.summary.words import uncomputed
 
     with Stages("what the plan could show"):
-        problem = planned_problem(solver_of(study, out, laws, kept, workers, []))
+        problem = planned_problem(solver)
         stage("detection limits")
         table = limits_table(problem)
     write_table(out, "limits", table)
@@ -67,15 +70,13 @@ def limits(study: Study, out: Path, laws: list[Path], kept: Path | None, workers
         print(sentence)
 
 
-def plan(study: Study, out: Path, laws: list[Path], kept: Path | None, workers: int) -> None:
+def plan(solver: Solver, out: Path) -> None:
     """Print and write the experiments that would distinguish a verdict's surviving effects, the first to be made first."""
-    from gelforge.files import write_table
     from gelforge.mismatch.pipeline.experiments import experiments_table
-    from gelforge.mismatch.pipeline.stage import solver_of
     from gelforge.mismatch.result.verdict import read_verdict
     from gelforge.mismatch.result.verdict_tables import check_tables
 
-    solver, verdict = solver_of(study, out, laws, kept, workers, []), read_verdict(out)
+    verdict = read_verdict(out)
     check_tables(out, verdict)
     with Stages("experiments that would distinguish effects"):
         table = experiments_table(solver, verdict)

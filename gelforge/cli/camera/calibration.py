@@ -38,9 +38,8 @@ def calibrate_camera(
         from gelforge.report.figures.measurements.calibration_figure import calibration_figure
 
         example = read_grey(folder / calibration.views.seen[0].name)
-        calibration_figure(calibration, example, without_distortion(calibration, example)).savefig(
-            report, dpi=110
-        )
+        straight = without_distortion(calibration, example)
+        calibration_figure(calibration, example, straight).savefig(report, dpi=110)
         print(f"picture    {report}")
 
 
@@ -61,13 +60,7 @@ def calibration_lines(lens) -> list[str]:
     from gelforge.config.parts.camera import LENS
 
     names = ["focal u", "focal v", "centre u", "centre v", *LENS[lens.model]]
-    values = [
-        lens.K[0, 0],
-        lens.K[1, 1],
-        lens.K[0, 2],
-        lens.K[1, 2],
-        *lens.coefficients,
-    ]
+    values = [*lens.K[[0, 1, 0, 1], [0, 1, 2, 2]], *lens.coefficients]
     for name, value, sd in zip(names, values, lens.intrinsics_sd):
         lines.append(f"{name:10} {value:.6g} +- {sd:.2g}{' px' if ' ' in name else ''}")
     lines.append(
@@ -81,11 +74,7 @@ def camera_text(fit) -> str:
     """Return the calibration as YAML: the keys of session.yaml's camera, and what is to be added."""
     keys, views = fit.keys, fit.views
     lens = keys["distortion"]
-    mirrored = (
-        "true # or false: a checkerboard does not show it"
-        if views.mirrored is None
-        else str(views.mirrored).lower()
-    )
+    known = {None: "true # or false: a checkerboard does not show it", True: "true", False: "false"}
     return f"""\
 # {fit.board.words}; {len(views.seen)} images, {fit.rms_px:.3f} px rms, focal length +- {fit.intrinsics_sd[0]:.2g} px.
 # Paste into session.yaml. It holds for images as recorded at this size, mirrored or not, in this focus.
@@ -99,6 +88,6 @@ camera:
   # The pose, from a drawing or by `gelforge camera-pose`, which writes it:
   # position_mm: [16.0, 16.0, -46.0] # the pinhole, in the sensor frame
   # rotation_deg: [0.0, 0.0, 0.0] # turns about x, then y, then z, from looking straight up
-  # mirrored: {mirrored}
+  # mirrored: {known[views.mirrored]}
   # port: {{z_mm: -6.0, index: 1.41}} # where air ends and the gel begins, unless the camera is cast in
 """

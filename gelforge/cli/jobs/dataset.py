@@ -27,21 +27,14 @@ def join(study: Path, shard: int, out: Path) -> None:
         )
     laws = read_laws(described)
     features = {name: feature_path(described, name) for name in image_sessions(described)}
-    rows = join_shard(
-        described,
-        chunk,
-        {name: cell_path(described, name) for name in chunk},
-        features,
-        out,
-        {name: inputs_digest(described, laws, planned[name]) for name in chunk},
-        {
-            name: features_digest(
-                described.session_folder(name), session_of(described, name), described.features
-            )
-            for name in features
-        },
-        own_labels(described, {name: planned[name] for name in chunk}, laws),
-    )
+    cells = {name: cell_path(described, name) for name in chunk}
+    of_cells = {name: inputs_digest(described, laws, planned[name]) for name in chunk}
+    of_features = {
+        name: features_digest(described.session_folder(name), session_of(described, name), described.features)
+        for name in features
+    }
+    labels = own_labels(described, {name: planned[name] for name in chunk}, laws)
+    rows = join_shard(described, chunk, cells, features, out, of_cells, of_features, labels)
     print(f"{out}: {rows} rows" + ("" if features else " (labels only: the study has no images)"))
 
 

@@ -63,9 +63,8 @@ def derive(study: Path, number: int, laws: list[Path]) -> None:
         )
     read = study_laws(described, laws)
     by_material = {name: law.law for name, law in read.items()}
-    labels = (
-        labels_of(described, cells, read) if any(cells[name].between for name in chunks[number]) else None
-    )
+    interpolates = any(cells[name].between for name in chunks[number])
+    labels = labels_of(described, cells, read) if interpolates else None
 
     @cache
     def made(name: str):

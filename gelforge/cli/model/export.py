@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gelforge.config import ConfigError, load_study
+from gelforge.learning.basis.scaling import ModelError
+
 
 def export_model(model: Path | None = None, out: Path | None = None, study: Path | None = None) -> None:
     """Write a model as an ONNX file, next to it where no other place is given, and say how near PyTorch it is."""
-    from gelforge.config import load_study
-    from gelforge.learning.basis.scaling import ModelError
     from gelforge.learning.deployment.onnx_export import OPSET, export_onnx
 
     if model is None:
@@ -27,8 +28,6 @@ def export_model(model: Path | None = None, out: Path | None = None, study: Path
 def onnx_check(study: Path, model: Path, out: Path) -> None:
     """Compare ONNX Runtime with PyTorch on held-out images of the first session that has some, and write what was found."""
     from gelforge.cli.products.sessions import feature_path, image_sessions, session_of
-    from gelforge.config import load_study
-    from gelforge.learning.basis.scaling import ModelError
     from gelforge.learning.deployment.held_out import check_held_out, held_out
     from gelforge.learning.deployment.onnx_check import write_check
     from gelforge.learning.judging.predictions import Predictions
@@ -62,7 +61,6 @@ def export_dataset(
     published: str | None,
 ) -> None:
     """Write a study's dataset in another format, and say what was written."""
-    from gelforge.config import ConfigError, load_study
     from gelforge.dataset.exports import format_of
     from gelforge.dataset.exports.export import Options, export_dataset
     from gelforge.dataset.exports.source import open_source

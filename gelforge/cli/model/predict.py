@@ -117,12 +117,7 @@ def print_timing(timing) -> None:
         print(f"no times: {timing.seen} frames, and the first {timing.warm_up} are not counted")
         return
     table = timing.table().drop(columns="frames")
-    formats = dict.fromkeys(("p50_ms", "p95_ms", "p99_ms"), ".2f") | {
-        "fps_at_p50": ".0f",
-        "fps_at_p99": ".0f",
-    }
-    print_table(
-        table,
-        formats,
-        f"time per frame ({counted} frames, after the first {timing.warm_up}, which are not counted)",
-    )
+    formats = dict.fromkeys(("p50_ms", "p95_ms", "p99_ms"), ".2f")
+    formats |= dict.fromkeys(("fps_at_p50", "fps_at_p99"), ".0f")
+    title = f"time per frame ({counted} frames, after the first {timing.warm_up}, which are not counted)"
+    print_table(table, formats, title)

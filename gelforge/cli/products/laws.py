@@ -37,10 +37,8 @@ def study_law(study: Study, path: Path, material: str | None = None):
     from gelforge.materials.fitting.law_file import LawFileError, read_law
 
     law = read_law(path)
-    if law.material not in ([material] if material else study.materials) or law.study not in (
-        "",
-        study.study,
-    ):
+    expected = [material] if material else study.materials
+    if law.material not in expected or law.study not in ("", study.study):
         raise LawFileError(
             f"{path}: the constitutive model of {law.material!r} of study {law.study!r}, expected"
             f" {material or sorted(study.materials)}"

@@ -32,9 +32,9 @@ def recording_of(study: Study, session: str):
 
 def print_findings(recording) -> None:
     """Print what the tests of a session found, a line per test."""
-    for level, word in (("excluded", "excluded"), ("note", "note")):
+    for level in ("excluded", "note"):
         for line in recording.findings.lines(level):
-            print(f"{word:<10} {recording.session.session}: {line}")
+            print(f"{level:<10} {recording.session.session}: {line}")
 
 
 def session_presses(study: Study, session: str) -> list:

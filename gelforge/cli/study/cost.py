@@ -38,15 +38,16 @@ DEPTHS = 8  # of every measured cell
 # A press on a sensor that softens, coarse-mesh solution included, measured on the article's sensor with 5556 degrees of
 # freedom: a step takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
 SOFTENING_STEP, GRID_POINT_S = 1.6, 7e-6
-INTERPOLATED_S = 0.1  # a label between solved sites, with what decides which they are
+# Seconds as the benchmark tables of the demo have them (results/demo/benchmarks/): a label between solved sites, with what
+# decides which they are; a job beyond its cells, a fork of a process that has loaded everything; a process of its own with
+# its compiled kernels; a training row, drawn as indentation, image and flow.
+INTERPOLATED_S, JOB_S, START_S, ROW_S = 0.1, 0.6, 3.0, 0.05
 SECOND_LEVEL = 1  # where an interpolated plan usually ends: one halving of the first spacing
-JOB_S = 0.6  # of a job beyond its cells: it is a fork of a process that has loaded everything
 SENSITIVITIES = 1.3  # of a site with its error bars: all derivatives (benchmarks/sensitivity_cost.py)
-FIT_S, VERIFY_S, REPORT_S = 5.0, 40.0, 10.0  # a material's fits, all checks of the finite elements, the page
-EXPORT_S, ONNX_CHECK_S = 10.0, 5.0  # a model as ONNX; images of held-out sites by ONNX Runtime
-START_S = 3.0  # of a process of its own with its compiled kernels
-ROW_S = 0.05  # to draw a training row: press, image and flow
-WITHOUT_BARS = 0.8  # of a cell with error bars
+# As JOB_S (results/demo/benchmarks/): a material's fits, all checks of the finite elements, the page; a model as ONNX,
+# images of held-out sites by ONNX Runtime.
+FIT_S, VERIFY_S, REPORT_S, EXPORT_S, ONNX_CHECK_S = 5.0, 40.0, 10.0, 10.0, 5.0
+WITHOUT_BARS = 0.8  # of a cell with error bars, which cost a second solution on a mesh of twice the sizes
 # A verdict in cells of the study's mesh per position that is judged: 1 in the demo, up to five times as many where no effect
 # fits (benchmarks/mismatch_cost.py). Images took 6 more in the benchmark study's verdict. It begins with reading, its
 # libraries and its page.

@@ -12,9 +12,8 @@ from gelforge.config import NAME, ConfigError
 from gelforge.files import write_text
 from gelforge.shipped import EXAMPLES
 
-MODULE = re.compile(
-    r"^module \w+:", re.MULTILINE
-)  # of a Snakefile that uses the workflow as one, as snakedeploy writes it
+# of a Snakefile that uses the workflow as one, as snakedeploy writes it
+MODULE = re.compile(r"^module \w+:", re.MULTILINE)
 
 
 def init(study: str, sensor: str | None) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from gelforge.config.basis.common import Name, Section
+from gelforge.section import Name, Section
 
 
 class Variant(Section):

@@ -11,10 +11,10 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import NonNegative, Positive, Section
 from gelforge.config.foreign.session_keys import check_acts_on
 from gelforge.config.foreign.table_form import Rows, TableForm
 from gelforge.config.studies.files import load_section
+from gelforge.section import NonNegative, Positive, Section
 from gelforge.units import UNITS, unit_named
 
 

@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from gelforge.config.basis.common import ConfigError, Name, Positive, Section
 from gelforge.config.foreign.table_form import Rows, TableForm
 from gelforge.config.studies.files import load_section
+from gelforge.section import ConfigError, Name, Positive, Section
 from gelforge.units import UNITS, known_unit
 
 STRAIN_QUANTITY = {

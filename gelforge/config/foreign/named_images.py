@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import ConfigError, Section
 from gelforge.config.foreign.session_keys import check_acts_on
 from gelforge.config.studies.files import load_section, read_yaml
+from gelforge.section import ConfigError, Section
 from gelforge.units import UNITS, unit_named
 
 NUMBER = r"([-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?)"

@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import Section
 from gelforge.csv_table import CsvForm, RowFilter
+from gelforge.section import Section
 
 
 class Rows(Section):

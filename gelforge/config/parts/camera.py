@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import NonNegative, Positive, Section
+from gelforge.section import GrownSection, NonNegative, Pair, Positive, Section, Triple
 
 LENS = {"pinhole": ("k1", "k2", "p1", "p2", "k3"), "fisheye": ("k1", "k2", "k3", "k4")}
 
@@ -44,7 +44,7 @@ class Port(Section):
     pane_index: float = Field(1.49, ge=1, le=3, description="refractive index of the pane; acrylic 1.49 [-]")
 
 
-class Camera(Section):
+class Camera(GrownSection):
     """A camera under the gel that looks up; pixel (0, 0) is the centre of the image's top left pixel.
 
     Seen from below with y up, x runs to the left: u = centre - focal x / z. A mirrored image runs with x as from above.
@@ -52,6 +52,7 @@ class Camera(Section):
     Focal lengths, centre_px and distortion belong to the images as recorded: what a calibration with such images finds.
     """
 
+    later = ("focal_y_px", "distortion", "port")
     width_px: int = Field(gt=0, le=LARGEST_IMAGE_PX, description="image width [px]")
     height_px: int = Field(gt=0, le=LARGEST_IMAGE_PX, description="image height [px]")
     focal_px: Positive | None = Field(
@@ -62,18 +63,14 @@ class Camera(Section):
         None, description="focal length along v; null: as along u, square pixels [px]"
     )
     mm_per_px: Positive | None = Field(None, description="flat scale, where intrinsics are unknown [mm/px]")
-    centre_px: list[float] = Field(min_length=2, max_length=2, description="principal point u, v [px]")
+    centre_px: Pair = Field(description="principal point u, v [px]")
     distortion: Distortion | None = Field(None, description="lens; null: straight lines stay straight")
     port: Port | None = Field(None, description="window that bends light; null: it goes straight")
-    position_mm: list[float] = Field(
-        min_length=3,
-        max_length=3,
-        description="pinhole, or the point seen at centre_px, in the sensor frame [mm]",
+    position_mm: Triple = Field(
+        description="pinhole, or the point seen at centre_px, in the sensor frame [mm]"
     )
-    rotation_deg: list[float] = Field(
+    rotation_deg: Triple = Field(
         [0.0, 0.0, 0.0],
-        min_length=3,
-        max_length=3,
         description="turns of the camera about the sensor's x, then y, then z axis, from looking straight up [deg]",
     )
     mirrored: bool = Field(
@@ -102,11 +99,6 @@ class Camera(Section):
             )
         return self
 
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; later ones only where they are given, so that digests of older descriptions stay."""
-        return without_null(write(self), ("focal_y_px", "distortion", "port"))
-
 
 class Remap(Section):
     """The one view to which every image of a session is remapped before its flow is searched.
@@ -118,8 +110,3 @@ class Remap(Section):
         description="plane on which both views are the same: the mean depth of the particles, sensor frame [mm]"
     )
     view: Camera = Field(description="the reference view: size, focal length, centre and pose")
-
-
-def without_null(keys: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
-    """Return keys without those of the names that hold nothing."""
-    return {key: value for key, value in keys.items() if value is not None or key not in names}

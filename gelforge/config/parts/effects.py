@@ -11,11 +11,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import ConfigError, Fraction, Name, NonNegative, Positive, Section, Share
 from gelforge.config.parts.sensor import Sensor
+from gelforge.section import ConfigError, Fraction, Name, NonNegative, Pair, Positive, Section, Share, Triple
 
-Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
-Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 PoissonsRatio = Annotated[float, Field(gt=0, lt=0.5)]
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import NonNegative, Positive, Section
 from gelforge.registry import names_in, stated
+from gelforge.section import GrownSection, NonNegative, Positive, Section
 
 
-class Features(Section):
+class Features(GrownSection):
     """Optical-flow features of an image."""
 
+    later = ("image_scale",)
     regions: int = Field(40, ge=1, le=200, description="image regions along each side; m = regions^2 [-]")
     flow_preset: Literal["ultrafast", "fast", "fine", "full", "medium"] = Field(
         "fine",
@@ -30,12 +31,6 @@ class Features(Section):
         description="images are reduced to this share of their width and height before the search; flow stays in pixels "
         "of the image before [-]",
     )
-
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; image_scale only where images are reduced, so that digests of older features stay."""
-        keys = write(self)
-        return keys if self.image_scale < 1 else {k: v for k, v in keys.items() if k != "image_scale"}
 
 
 class Dataset(Section):

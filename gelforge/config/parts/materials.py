@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Literal, Union
 
-from pydantic import Discriminator, Field, Tag, model_serializer, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from gelforge.config.basis.common import Section
-from gelforge.config.parts.camera import without_null
 from gelforge.mechanics.laws.models import FAMILIES, MODELS
 from gelforge.mechanics.laws.parameters import GivenParameters
+from gelforge.section import GrownSection, Section
 
 
 def _law_of(content) -> str:
@@ -61,9 +60,10 @@ class Fitting(Section):
         return {name: getattr(self, name) for name in Fitting.model_fields}
 
 
-class Material(Fitting):
+class Material(Fitting, GrownSection):
     """One material: raw tests to be fitted, parameters that are given, or the file of a constitutive model."""
 
+    later = ("file",)
     tests: Path | None = Field(None, description="folder with samples.csv and one CSV per sample")
     mapping: Path | None = Field(
         None, description="YAML that says what other people's files in `tests` hold; null: samples.csv"
@@ -99,11 +99,6 @@ class Material(Fitting):
         if self.mapping and not self.tests:
             raise ValueError("`mapping` describes the files of `tests`; without `tests` nothing is read")
         return self
-
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; file only where it is given, so that digests of older studies stay."""
-        return without_null(write(self), ("file",))
 
     @property
     def source(self) -> Path | None:

@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import Name, Positive, Section
 from gelforge.config.parts.effects import Effects
+from gelforge.section import Name, Positive, Section
 
 # far_mm over near_mm, ten halvings of the base grid; the mesh of Sferrazza et al. 2019 has 4.
 LARGEST_RATIO = 1000.0

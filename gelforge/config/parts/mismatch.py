@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import Field, model_serializer
+from pydantic import Field
 
-from gelforge.config.basis.common import Name, NonNegative, Section
+from gelforge.section import GrownSection, Name, NonNegative, Section
 
 
 class Known(Section):
@@ -19,9 +19,10 @@ class Known(Section):
     )
 
 
-class Mismatch(Section):
+class Mismatch(GrownSection):
     """How the judge looks for missing physics."""
 
+    later = ("judged",)
     judged: bool = Field(
         True,
         description="a run of the study makes the verdict on its sessions: minutes to an hour, `gelforge check` estimates"
@@ -67,8 +68,3 @@ class Mismatch(Section):
         description="images of sessions with a camera are judged with the forces where these leave several effects that"
         " images distinguish, and for these effects (auto); always judged with the forces, predicted from them, or left out",
     )
-
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; judged only where it is false, so that digests of older studies stay."""
-        return {key: value for key, value in write(self).items() if key != "judged" or not value}

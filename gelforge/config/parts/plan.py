@@ -7,8 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_serializer, model_validator
 
-from gelforge.config.basis.common import NonNegative, Positive, Section
-from gelforge.config.parts.camera import without_null
+from gelforge.section import NonNegative, Positive, Section
 
 
 class Grid(Section):
@@ -86,8 +85,9 @@ class Plan(Section):
     @model_serializer(mode="wrap")
     def _as_written(self, write) -> dict[str, Any]:
         """Return the keys; a later one only where it holds something, so that digests of older studies stay."""
-        keys = {"from" if key == "from_" else key: value for key, value in write(self).items()}
-        return without_null(keys, ("interpolation", "from", "tolerance_mm"))
+        later = ("interpolation", "from_", "tolerance_mm")
+        keys = {key: value for key, value in write(self).items() if value is not None or key not in later}
+        return {"from" if key == "from_" else key: value for key, value in keys.items()}
 
     @model_validator(mode="after")
     def _one_source(self):

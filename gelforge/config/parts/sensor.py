@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Literal, TypeVar
 
 from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import Fraction, Name, NonNegative, Positive, Section
+from gelforge.section import Fraction, Name, NonNegative, Positive, Section, Triple
 
 Known = TypeVar("Known")
-
-Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class Layer(Section):
@@ -55,11 +53,11 @@ class Shape(Section):
         "first that encloses it; or slabs that touch",
     )
     mm_per_unit: Positive = Field(1.0, description="of surfaces: length of the files' unit [mm]")
-    origin_mm: Point = Field(
+    origin_mm: Triple = Field(
         [0.0, 0.0, 0.0],
         description="of surfaces: point of the files, in mm, that becomes the origin of the sensor's frame [mm]",
     )
-    orientation_deg: Point = Field(
+    orientation_deg: Triple = Field(
         [0.0, 0.0, 0.0],
         description="of surfaces: turns about the sensor's x, then y, then z axis, about that point [deg]",
     )
@@ -161,16 +159,16 @@ class IndenterPart(Section):
         None, description="closed surface of a mesh: STL, PLY or OBJ; origin_mm is over the position"
     )
     mm_per_unit: Positive = Field(1.0, description="length of the file's unit [mm]")
-    origin_mm: Point | None = Field(
+    origin_mm: Triple | None = Field(
         None,
         description="point of the file, in mm, that is the shape's origin, over the position; null: the file's own, and "
         "then the body must lie over the position [mm]",
     )
-    orientation_deg: Point = Field(
+    orientation_deg: Triple = Field(
         [0.0, 0.0, 0.0],
         description="turns about the sensor's x, then y, then z axis, about the shape's origin [deg]",
     )
-    offset_mm: Point = Field(
+    offset_mm: Triple = Field(
         [0.0, 0.0, 0.0],
         description="x, y from the position, and height of the lowest point over that of the lowest part [mm]",
     )

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_serializer, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from gelforge.config.basis.common import Name, NonNegative, Positive, Section
-from gelforge.config.parts.camera import Camera, Remap, without_null
+from gelforge.config.parts.camera import Camera, Remap
+from gelforge.section import GrownSection, Name, NonNegative, Pair, Positive, Section
 
 
 def _for_each_axis(value: Any) -> Any:
@@ -22,9 +22,10 @@ def _as_text(value: Any) -> Any:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
-class ForceSensor(Section):
+class ForceSensor(GrownSection):
     """How the force readings of any laboratory are read."""
 
+    later = ("turns_with",)
     acts_on: Literal["sensor", "indenter"] = Field(
         "sensor", description="body on which the recorded force acts"
     )
@@ -68,19 +69,12 @@ class ForceSensor(Section):
                 raise ValueError(f"{name} needs three numbers (x, y, z)")
         return self
 
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; a later one only where it is given, so that digests of older sessions stay."""
-        keys = write(self)
-        return keys if self.turns_with != "sensor" else {k: v for k, v in keys.items() if k != "turns_with"}
 
-
-class StageToSensor(Section):
+class StageToSensor(GrownSection):
     """Commanded stage position -> sensor frame: x_sensor = R(rotation) H x_stage + origin."""
 
-    origin_mm: list[float] = Field(
-        [0.0, 0.0], min_length=2, max_length=2, description="stage origin in the frame [mm]"
-    )
+    later = ("repeatability_mm",)
+    origin_mm: Pair = Field([0.0, 0.0], description="stage origin in the frame [mm]")
     rotation_deg: float = Field(0.0, description="rotation about z, counter-clockwise [deg]")
     handedness: Literal["right", "left"] = Field(
         "right", description="left: the stage's y axis is flipped first"
@@ -90,11 +84,6 @@ class StageToSensor(Section):
         description="standard deviation along x and y of the positions that the stage reaches for one commanded position;"
         " null: positions are known to 0.01 mm [mm]",
     )
-
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; a later one only where it is given, so that digests of older sessions stay."""
-        return without_null(write(self), ("repeatability_mm",))
 
 
 class DepthZero(Section):
@@ -120,9 +109,10 @@ class DepthZero(Section):
         return math.hypot(self.press_scatter_mm or 0.0, self.session_scatter_mm or 0.0)
 
 
-class Session(Section):
+class Session(GrownSection):
     """One recording session: session.yaml."""
 
+    later = ("remap",)
     session: Name = Field(description="name of the session, equal to its folder")
     synthetic: bool = Field(False, description="true: made by a virtual lab, not measured")
     sensor: str = Field("", description="serial or name of the sensor that was pressed")
@@ -176,8 +166,3 @@ class Session(Section):
         if self.remap and self.camera is None:
             raise ValueError("remap needs the camera that took the images; describe it under camera")
         return self
-
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; a later one only where it is given, so that digests of older sessions stay."""
-        return without_null(write(self), ("remap",))

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from gelforge.config.basis.common import NonNegative, Section, Share
 from gelforge.config.parts.camera import Camera
 from gelforge.config.sessions.virtual_lab import VirtualImaging, VirtualParticles
+from gelforge.section import NonNegative, Section, Share
 
 
 def _increasing(given: list[float]) -> list[float]:

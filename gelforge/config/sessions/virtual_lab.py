@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, model_validator
 
-from gelforge.config.basis.common import Fraction, Name, NonNegative, Positive, Section
-from gelforge.config.parts.camera import Camera, without_null
+from gelforge.config.parts.camera import Camera
 from gelforge.config.parts.mechanics import Mechanics, Mesh
 from gelforge.config.sessions.session import StageToSensor
 from gelforge.mechanics.laws.models.ogden import OgdenParameters
+from gelforge.section import Fraction, GrownSection, Name, NonNegative, Positive, Section
 
 
 class PrintedDots(Section):
@@ -27,27 +27,27 @@ class PrintedDots(Section):
     rotation_deg: NonNegative = Field(1.0, description="turn of the grid about z, standard deviation [deg]")
 
 
-class VirtualParticles(Section):
+class VirtualParticles(GrownSection):
     """What the camera sees move: tracer particles in the gel, or printed dots."""
 
+    later = ("dots",)
     diameter_mm: float = Field(0.3, ge=0.15, le=0.6, description="diameter of a particle or dot [mm]")
     volume_fraction: float = Field(
         0.0196, gt=0, le=0.1, description="share of the gel's volume; without meaning for dots [-]"
     )
     dots: PrintedDots | None = Field(None, description="printed dots in place of particles; null: particles")
 
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; dots only where there are some, so that digests of labs with particles stay."""
-        return without_null(write(self), ("dots",))
-
 
 Colour = Annotated[list[Annotated[float, Field(ge=0, le=255)]], Field(min_length=3, max_length=3)]
 
 
-class VirtualImaging(Section):
+class VirtualImaging(GrownSection):
     """How the virtual camera draws."""
 
+    later = (
+        *("vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift"),
+        *("background_rgb", "particle_rgb"),
+    )
     blur_px: NonNegative = Field(0.7, description="Gaussian blur of the optics, standard deviation [px]")
     noise_grey: NonNegative = Field(2.0, description="standard deviation of the sensor noise [grey levels]")
     background_grey: float = Field(
@@ -92,30 +92,18 @@ class VirtualImaging(Section):
             )
         return self
 
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; later ones only where they are not as usual, so that digests of older labs stay."""
-        later = ["vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift"]
-        later += ["background_rgb", "particle_rgb"]
-        usual = {key: type(self).model_fields[key].default for key in later}
-        return {key: value for key, value in write(self).items() if key not in later or value != usual[key]}
+
+Forces = Annotated[list[NonNegative], Field(min_length=3, max_length=3)]
 
 
 class VirtualForce(Section):
     """How the virtual force sensor reads."""
 
-    noise_N: list[NonNegative] = Field(
-        [0.008, 0.008, 0.015], min_length=3, max_length=3, description="noise [N]"
+    noise_N: Forces = Field([0.008, 0.008, 0.015], description="noise [N]")
+    resolution_N: Annotated[list[Positive], Field(min_length=3, max_length=3)] = Field(
+        [0.03, 0.03, 0.06], description="steps [N]"
     )
-    resolution_N: list[Positive] = Field(
-        [0.03, 0.03, 0.06], min_length=3, max_length=3, description="steps [N]"
-    )
-    offset_N: list[NonNegative] = Field(
-        [0.05, 0.05, 0.1],
-        min_length=3,
-        max_length=3,
-        description="scatter of the untared zero of a session [N]",
-    )
+    offset_N: Forces = Field([0.05, 0.05, 0.1], description="scatter of the untared zero of a session [N]")
     contact_point_scatter_mm: NonNegative = Field(
         0.01, description="standard deviation of the contact point from one indentation to the next [mm]"
     )

@@ -11,7 +11,6 @@ from typing import Any, Union, get_args, get_origin
 import yaml
 from pydantic import ValidationError
 
-from gelforge.config.basis.common import ConfigError, Section
 from gelforge.config.basis.variants import merged
 from gelforge.config.basis.yaml_text import NoYaml, parsed, short
 from gelforge.config.parts.camera import Camera
@@ -19,6 +18,7 @@ from gelforge.config.sessions.session import Session
 from gelforge.config.sessions.virtual_lab import VirtualLab
 from gelforge.config.studies.study import Study
 from gelforge.input_files import NotAFile, another_kind, read_bytes
+from gelforge.section import ConfigError, Section
 
 FORMER_KEYS = {  # of earlier files, and what to write in their place
     "touchdown_mm": "contact_point_scatter_mm",

@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, field_validator, model_serializer, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from gelforge.config.basis.common import Name, Section
 from gelforge.config.basis.variants import Variant
-from gelforge.config.parts.camera import without_null
 from gelforge.config.parts.learning import Dataset, Features, Learning
 from gelforge.config.parts.materials import Material
 from gelforge.config.parts.mechanics import Mechanics
@@ -17,6 +15,7 @@ from gelforge.config.parts.mismatch import Mismatch
 from gelforge.config.parts.plan import Plan
 from gelforge.config.parts.sensor import Indenter, Sensor
 from gelforge.config.sessions.synthesis import Synthesis
+from gelforge.section import GrownSection, Name
 
 # Functions of gelforge.verification, in the order of the table.
 Check = Literal[
@@ -40,9 +39,10 @@ Check = Literal[
 SOFT_SHARE = 0.6
 
 
-class Study(Section):
+class Study(GrownSection):
     """Everything that decides a study's results."""
 
+    later = ("synthesis", "verification")
     study: Name = Field(description="name; results go to results/<study>")
     data: Path | None = Field(None, description="folder of raw inputs; data/<study> if null")
     seed: int = Field(0, ge=0, description="seed of splits and training [-]")
@@ -152,11 +152,6 @@ class Study(Section):
             )
         if self.plan.approach == "normal" and self.mechanics.contact_normals == "initial":
             raise ValueError("contact_normals: initial is for a vertical approach; use current")
-
-    @model_serializer(mode="wrap")
-    def _as_written(self, write) -> dict[str, Any]:
-        """Return the keys; a later one only where it holds something, so that digests of older studies stay."""
-        return without_null(write(self), ("synthesis", "verification"))
 
     @property
     def stores_sensitivities(self) -> bool:

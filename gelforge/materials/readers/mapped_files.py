@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gelforge.config.basis.common import ConfigError
 from gelforge.config.foreign.mapping import (
     Column,
     Corrections,
@@ -43,6 +42,7 @@ from gelforge.materials.readers.mapped_columns import (
     values,
 )
 from gelforge.materials.readers.mapped_contacts import check_modulus, force_pair, indentation_test
+from gelforge.section import ConfigError
 from gelforge.units import UNITS, unit_in_header
 
 Read = MaterialTest | IndentationTest | ForcePair

@@ -63,22 +63,29 @@ class Facts:
 
 @dataclass
 class Chapter:
-    """One chapter of the page; a fold of a chapter is a chapter too, whose title opens it."""
+    """One chapter of the page; a fold of a chapter is a chapter too, whose title opens it.
+
+    What adds a block returns the chapter.
+    """
 
     key: str
     title: str
     blocks: list = field(default_factory=list)
     kind = "fold"
 
-    def say(self, words: str) -> None:
-        self.blocks.append(Note(words))
+    def add(self, block: object) -> Chapter:
+        self.blocks.append(block)
+        return self
 
-    def miss(self, words: str) -> None:
+    def say(self, words: str) -> Chapter:
+        return self.add(Note(words))
+
+    def miss(self, words: str) -> Chapter:
         """Say that something is not in the report, and why."""
-        self.blocks.append(Note(words, missing=True))
+        return self.add(Note(words, missing=True))
 
-    def show(self, words: str, figure: Figure) -> None:
-        self.blocks.append(Picture(words, data_uri(figure)))
+    def show(self, words: str, figure: Figure) -> Chapter:
+        return self.add(Picture(words, data_uri(figure)))
 
     def fold(self, title: str) -> Chapter:
         """Return a part of the chapter that is closed until a reader opens it; one without blocks is not shown."""
@@ -86,12 +93,12 @@ class Chapter:
         self.blocks.append(folded)
         return folded
 
-    def tabulate(self, words: str, table: pd.DataFrame, minor: Sequence[bool] = ()) -> None:
+    def tabulate(self, words: str, table: pd.DataFrame, minor: Sequence[bool] = ()) -> Chapter:
         """Add a table; minor: of each row whether it is subordinate to the one above."""
         rows = [[cell_text(value) for value in row] for row in table.itertuples(index=False)]
         numeric = [pd.api.types.is_numeric_dtype(kind) for kind in table.dtypes]
         header = [heading(str(column)) for column in table.columns]
-        self.blocks.append(Table(words, header, numeric, rows, [*minor] or [False] * len(rows)))
+        return self.add(Table(words, header, numeric, rows, [*minor] or [False] * len(rows)))
 
 
 def heading(column: str) -> str:

@@ -9,22 +9,20 @@ from matplotlib.figure import Figure
 from gelforge.report.chapters.chapter import Chapter, count
 from gelforge.report.chapters.results_reader import SIGMAS, StudyResults
 from gelforge.report.figures.neighbours import depth_classes
-from gelforge.report.figures.style import BAND_SIGMAS, SIMULATED, new_figure, styled
+from gelforge.report.figures.style import BAND_SIGMAS, SIMULATED, Style, new_figure, styled
 
 
 def error_bars(results: StudyResults) -> Chapter:
     """Return the uncertainty of the simulated vertical forces by depth: of the mesh and of the constitutive models."""
     chapter = Chapter("sure", "Label uncertainty")
     if not results.study.mechanics.error_bars:
-        chapter.say("No error bars: the study has mechanics.error_bars: false.")
-        return chapter
+        return chapter.say("No error bars: the study has mechanics.error_bars: false.")
     solved = [cell for cell in results.converged() if not cell.source]
     rows = results.label_errors
     if rows.empty:
-        chapter.miss(
+        return chapter.miss(
             "No error bars: no solved site holds any; sites made before they were stored are to be made again."
         )
-        return chapter
     sites, place = results.sites_at("centre")
     if not sites:
         sites, place = solved[:1], f"({solved[0].x_mm:g}, {solved[0].y_mm:g}) mm"
@@ -41,11 +39,10 @@ def error_bars(results: StudyResults) -> Chapter:
             " given, and add nothing."
         )
     chapter.show(words, error_bar_figure(of_shown, place))
-    chapter.tabulate(
+    return chapter.tabulate(
         f"Standard deviation of the vertical force over the force, of {count(rows.cell.nunique(), 'solved site')}.",
         sigma_table(rows),
     )
-    return chapter
 
 
 def sigma_table(rows: pd.DataFrame) -> pd.DataFrame:
@@ -68,24 +65,11 @@ def error_bar_figure(cell: pd.DataFrame, place: str) -> Figure:
     ax = axes[0, 0]
     band = BAND_SIGMAS * np.hypot(cell["mesh"], cell["constitutive models"])
     pooled = cell["cell"].nunique() > 1
-    ax.fill_between(
-        cell["depth"],
-        cell["force"] - band,
-        cell["force"] + band,
-        color=SIMULATED,
-        alpha=0.3,
-        lw=0,
-        label="± 2 sigma, mesh and material",
-    )
-    ax.plot(
-        cell["depth"],
-        cell["force"],
-        "." if pooled else ".-",
-        color=SIMULATED,
-        ms=4,
-        lw=0.8,
-        label="this study: FEM",
-    )
+    edges = cell["force"] - band, cell["force"] + band
+    words = "± 2 sigma, mesh and material"
+    ax.fill_between(cell["depth"], *edges, color=SIMULATED, alpha=0.3, lw=0, label=words)
+    look: Style = {"color": SIMULATED, "ms": 4, "lw": 0.8, "label": "this study: FEM"}
+    ax.plot(cell["depth"], cell["force"], "." if pooled else ".-", **look)
     ax.set(ylabel="vertical force, $-F_z$ [N]", title=place, xlabel="depth [mm]")
     ax.set_xlim(left=0)
     ax.set_ylim(bottom=0)

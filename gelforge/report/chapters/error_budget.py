@@ -63,24 +63,18 @@ def budget_words(table: pd.DataFrame) -> str:
         total = text(parts.loc[AGAINST_TRUTH, column])
         said.append(f"{what} it is {total}, and the largest part is {first}: {text(most)} ({rest})")
         largest.append(first)
-    optics = parts.loc[OPTICS]
+    optics, (bins, totals) = parts.loc[OPTICS], (REMEDIES[part] for part in largest)
+    remedies = (
+        f"the error of a pressed bin: {bins}; in total: {totals}" if bins != totals else f"both: {bins}"
+    )
     return " ".join(
         [
             "The network's error against the true force of the virtual sensor (SYNTHETIC; vertical, rms): "
             f"{'; '.join(said)}.",
             f"The flow is off by {optics['flow_off_px']:.2g} px ({optics['flow_off_mm']:.2g} mm) where particles move by "
             f"{optics['flow_px']:.2g} px (rms over image regions).",
-            _remedies(*largest),
+            f"What would lower {remedies}.",
         ]
-    )
-
-
-def _remedies(of_bins: str, of_totals: str) -> str:
-    """Return what would lower the largest part of the error of a bin and that of the total."""
-    if of_bins == of_totals:
-        return f"What would lower both: {REMEDIES[of_bins]}."
-    return (
-        f"What would lower the error of a pressed bin: {REMEDIES[of_bins]}; in total: {REMEDIES[of_totals]}."
     )
 
 
@@ -90,17 +84,14 @@ def budget_figure(table: pd.DataFrame) -> Figure:
     parts = table.set_index("part").loc[list(BARS)]
     limits = 1.15 * parts[[column for column, *_ in PANELS]].max().to_numpy(float)  # N
     limits = np.maximum(limits, 0.3 * limits.max())  # bars of small errors have room for their numbers
-    figure, axes = new_figure(
-        8.6, 2.6, ncols=2, sharey=True, width_ratios=limits
-    )  # as many inches per newton
-    place = np.arange(len(BARS))[::-1]
+    # as many inches per newton
+    figure, axes = new_figure(8.6, 2.6, ncols=2, sharey=True, width_ratios=limits)
+    place, (words, colours) = np.arange(len(BARS))[::-1], zip(*BARS.values())
     for ax, (column, title, unit, scale, _), limit in zip(axes[0], PANELS, limits):
-        bars = ax.barh(
-            place, scale * parts[column], color=[colour for _, colour in BARS.values()], height=0.7
-        )
+        bars = ax.barh(place, scale * parts[column], color=colours, height=0.7)
         ax.bar_label(bars, fmt="%.3g", padding=2)
         ax.axhline(0.5, color=FAINT, lw=0.8)
-        ax.set_yticks(place, [words for words, _ in BARS.values()])
+        ax.set_yticks(place, words)
         ax.set(title=title, xlim=(0, scale * limit), xlabel=f"rms error, vertical [{unit}]")
         ax.set_axisbelow(True)
         ax.grid(axis="x")

@@ -87,10 +87,8 @@ def floor_figure(tables: dict[str, pd.DataFrame]) -> Figure:
             largest = table["flow_px"][table["depth_mm"] == 0].max()
             ax.axhspan(0, max(largest, least_px), color=FAINT, alpha=0.35, lw=0)
             ax.axhline(max(false, least_px), color="#777777", lw=1, label="untouched")
-        for lost, colour, marker, label in (
-            (False, SIMULATED, "o", "pressed"),
-            (True, PREDICTED, "x", "lost"),
-        ):
+        kinds = (False, SIMULATED, "o", "pressed"), (True, PREDICTED, "x", "lost")
+        for lost, colour, marker, label in kinds:
             part = held[held["lost"] == lost]
             if len(part):
                 flow = part["flow_px"].clip(lower=least_px)

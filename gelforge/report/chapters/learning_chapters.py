@@ -25,21 +25,20 @@ def agreement(results: StudyResults) -> Chapter:
     """Return the residual of simulated against measured total force over depth."""
     chapter = Chapter("agreement", "Simulation against force/torque readings")
     if not results.study.sessions:
-        chapter.miss(f"No comparison with readings: {LABELS_ONLY}")
-        return chapter
+        return chapter.miss(f"No comparison with readings: {LABELS_ONLY}")
     if results.agreement is None:
-        chapter.miss(
+        return chapter.miss(
             f"No comparison with readings: {results.folder / 'agreement.csv'} is not there or empty."
         )
-        return chapter
     kind = "SYNTHETIC readings" if "recordings" in results.synthetic_parts else "readings"
     chapter.show(
         f"Measured minus simulated force ({kind}) over depth: a mean that leaves the grey band, the sensor's resolution, and"
         " grows with depth points to physics the simulation lacks.",
         residual_depth_figure(results.agreement, results.resolution_N),
     )
-    chapter.say("Over position the verdict's maps show the same difference, at the end of this report.")
-    return chapter
+    return chapter.say(
+        "Over position the verdict's maps show the same difference, at the end of this report."
+    )
 
 
 def _deepest_row(predictions: dict, score: np.ndarray) -> int | None:
@@ -55,11 +54,9 @@ def predictions(results: StudyResults) -> Chapter:
     """Return loss curve, force maps predicted and true, and total forces."""
     chapter = Chapter("predictions", "What the network predicts")
     if not results.study.sessions:
-        chapter.miss(f"No network: {LABELS_ONLY}")
-        return chapter
+        return chapter.miss(f"No network: {LABELS_ONLY}")
     if not results.features and results.predictions is None:
-        chapter.miss(f"No network: {FORCE_ONLY}")
-        return chapter
+        return chapter.miss(f"No network: {FORCE_ONLY}")
     _say_how_good(chapter, results)
     _tell_onnx(chapter, results)
     tell_budget(chapter, results)
@@ -73,8 +70,7 @@ def predictions(results: StudyResults) -> Chapter:
         chapter.miss(f"No loss curve: {results.folder / 'model' / 'loss.csv'} is not there.")
     columns = results.predictions
     if columns is None:
-        chapter.miss(f"No predictions: {results.folder / 'model' / 'predictions.h5'} is not there.")
-        return chapter
+        return chapter.miss(f"No predictions: {results.folder / 'model' / 'predictions.h5'} is not there.")
     position, widths = columns["position_mm"], np.array(results.widths_mm)
     from_centre = np.linalg.norm(position - results.centre_mm, axis=1)
     to_edge = np.minimum(position, widths - position).min(axis=1)
@@ -86,11 +82,10 @@ def predictions(results: StudyResults) -> Chapter:
             continue
         shown.append(row)
         _show_map(chapter, results, row, place)
-    chapter.show(
+    return chapter.show(
         "Total force summed from the predicted map: points on the grey line are exact.",
         total_force_figure(columns["total_predicted_N"], columns["total_true_N"]),
     )
-    return chapter
 
 
 def _say_how_good(chapter: Chapter, results: StudyResults) -> None:

@@ -14,12 +14,10 @@ def recordings(results: StudyResults) -> Chapter:
     """Return what the tests of the recorded sessions found, by kind."""
     chapter = Chapter("recordings", "What was left out of the recordings")
     if not results.study.sessions:
-        chapter.say("This study has no recordings.")
-        return chapter
+        return chapter.say("This study has no recordings.")
     findings = results.findings
     if findings is None:
-        chapter.miss("No recordings/<session>.findings.csv: `gelforge readings` writes them.")
-        return chapter
+        return chapter.miss("No recordings/<session>.findings.csv: `gelforge readings` writes them.")
     excluded = findings[findings["level"] == "excluded"]
     for channel in ("force", "image"):
         presses = excluded[excluded["channel"] == channel].drop_duplicates(["session", "press"])

@@ -48,14 +48,13 @@ def glance(results: StudyResults) -> Chapter:
         ("Dataset", _dataset(results)),
         ("Data", _data_kind(results)),
     ]
-    chapter.blocks.append(Facts(facts))
+    chapter.add(Facts(facts))
     session = next(iter(results.sessions.values()), None)
-    chapter.show(
+    return chapter.show(
         "The sensor from above and cut through the middle: the dots are the positions the ball presses"
         + (", the dashed frame is what the camera sees." if session and session.camera else "."),
         sensor_figure(study, results.planned, session),
     )
-    return chapter
 
 
 def _data_kind(results: StudyResults) -> str:
@@ -170,19 +169,16 @@ def inside(results: StudyResults) -> Chapter:
         key=lambda c: np.hypot(*(np.array([c.x_mm, c.y_mm]) - results.centre_mm)),
     )
     if not good:
-        chapter.miss("No section: no site converged.")
-        return chapter
+        return chapter.miss("No section: no site converged.")
     cell = results.cell(good[0].name)
     if "section_node_mm" not in cell.arrays:
-        chapter.miss(f"No section: the file of site {good[0].name} holds none.")
-        return chapter
+        return chapter.miss(f"No section: the file of site {good[0].name} holds none.")
     names = [str(name) for name in cell.attributes["regions"]]
-    chapter.show(
+    return chapter.show(
         f"Site {good[0].name} at its deepest: left, the layers cut under the ball (dashed: before the indentation);"
         " right, the pressure between ball and skin seen from above, darkest where it is largest.",
         section_figure(cell.arrays, -1, names, (good[0].x_mm, good[0].y_mm), results.study.indenter),
     )
-    return chapter
 
 
 def images(results: StudyResults) -> Chapter:
@@ -195,11 +191,9 @@ def images(results: StudyResults) -> Chapter:
 def _one_image(results: StudyResults) -> Chapter:
     chapter = Chapter("images", "What the camera sees")
     if not results.study.sessions:
-        chapter.miss(f"No images: {LABELS_ONLY}")
-        return chapter
+        return chapter.miss(f"No images: {LABELS_ONLY}")
     if not results.features:
-        chapter.miss(f"No images: {FORCE_ONLY}")
-        return chapter
+        return chapter.miss(f"No images: {FORCE_ONLY}")
     for name, columns in results.features.items():
         pressed = np.flatnonzero(columns["phase"] != "zero")
         if not len(pressed) or name not in results.sessions:
@@ -214,14 +208,12 @@ def _one_image(results: StudyResults) -> Chapter:
             continue
         x, y = columns["position_mm"][row]
         label = "SYNTHETIC image" if session.synthetic else "Image"
-        chapter.show(
+        return chapter.show(
             f"{label} of session {name}, ball at ({x:g}, {y:g}) mm and {columns['depth_mm'][row]:g} mm deep:"
             " the arrows point away from the ball where particles are pushed outwards.",
             flow_figure(read_picture(path, picture_of(session)), results.feature_row(name, row)),
         )
-        return chapter
-    chapter.miss("No image of an indentation was found.")
-    return chapter
+    return chapter.miss("No image of an indentation was found.")
 
 
 def failed_cells(results: StudyResults) -> Chapter:
@@ -229,8 +221,7 @@ def failed_cells(results: StudyResults) -> Chapter:
     chapter = Chapter("failed", "Failed sites")
     failed = results.not_converged()
     if not failed:
-        chapter.say(f"None: all {len(results.planned)} sites converged.")
-        return chapter
+        return chapter.say(f"None: all {len(results.planned)} sites converged.")
     rows = []
     for cell in failed:
         attributes = results.cell_attributes[cell.name]
@@ -244,10 +235,9 @@ def failed_cells(results: StudyResults) -> Chapter:
                 "reason": attributes.get("reason", ""),
             }
         )
-    chapter.tabulate(
+    return chapter.tabulate(
         "These sites are left out of the dataset by name; nothing stands in for them.", pd.DataFrame(rows)
     )
-    return chapter
 
 
 def time_per_stage(results: StudyResults) -> Chapter:

@@ -26,7 +26,7 @@ def verification(results: StudyResults) -> Chapter:
             f"Compared with independent reference solutions, on this machine and with this version:"
             f" {_outcome(results, table)}."
         )
-        chapter.blocks.append(Link("All checks, number by number", PAGE))
+        chapter.add(Link("All checks, number by number", PAGE))
     return chapter
 
 
@@ -44,8 +44,7 @@ def verification_table(results: StudyResults, report: str) -> Chapter | None:
         f" are relative where the reference is a size, else differences: {_outcome(results, table)}.",
         table,
     )
-    chapter.blocks.append(Link("Back to the report of the study", f"{report}#verification"))
-    return chapter
+    return chapter.add(Link("Back to the report of the study", f"{report}#verification"))
 
 
 def _outcome(results: StudyResults, table) -> str:

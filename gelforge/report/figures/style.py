@@ -23,12 +23,8 @@ MEASURED = "#E69F00"  # force/torque readings
 PREDICTED = "#D55E00"  # the network
 PUBLISHED = "#555555"  # the paper's numbers
 PUBLISHED_LINEAR = "#009E73"
-VARIANTS = [
-    ("#CC79A7", "^"),
-    ("#009E73", "v"),
-    ("#56B4E9", "<"),
-    ("#000000", ">"),
-]  # colour and marker, in turn
+# colour and marker, in turn
+VARIANTS = [("#CC79A7", "^"), ("#009E73", "v"), ("#56B4E9", "<"), ("#000000", ">")]
 LAYERS = ["#F0E6C8", "#9CC9E5", "#B8D8B0", "#F3C59B"]  # soft layers from the base up
 SURROUND = {"wall": "#E8B4C8", "flange": "#D9A7D0", "base": "#CFCFCF"}
 INK = "#222222"
@@ -44,6 +40,7 @@ SIGNED = "RdBu_r"  # signed quantities, white at zero
 MAGNITUDE = "PuBu"  # magnitudes from zero up, light at zero
 
 Style = dict[str, Any]  # keywords of Matplotlib's functions, each of its own type
+CLOUD: Style = {"ls": "none", "marker": "o", "ms": 3, "mew": 0, "rasterized": True}  # many points
 SETTINGS: dict[RcKeyType, Any] = {
     "font.size": 9,
     "font.family": "sans-serif",
@@ -76,6 +73,11 @@ def new_figure(width_in: float, height_in: float, **subplots) -> tuple[Figure, n
     return figure, figure.subplots(squeeze=False, **subplots)
 
 
+def legend_entries(*axes: Axes) -> dict[str, Any]:
+    """Return what the legends of some axes show, by label: of equal ones the last."""
+    return {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels())}
+
+
 def region_colours(names: list[str]) -> list[str]:
     """Return one colour per region of the sensor: wall, flange and base have their own, layers take turns."""
     layers = [name for name in names if name not in SURROUND]
@@ -105,12 +107,7 @@ def data_uri(figure: Figure) -> str:
 
 def surface_axes(ax: Axes, width_x_mm: float, width_y_mm: float) -> None:
     """Frame an axes as the sensor's top surface seen from above [mm], with equal scales."""
-    ax.set(
-        aspect="equal",
-        xlim=(0, width_x_mm),
-        ylim=(0, width_y_mm),
-        xticks=[0, width_x_mm / 2, width_x_mm],
-        yticks=[0, width_y_mm / 2, width_y_mm],
-    )
+    ax.set(aspect="equal", xlim=(0, width_x_mm), ylim=(0, width_y_mm))
+    ax.set(xticks=[0, width_x_mm / 2, width_x_mm], yticks=[0, width_y_mm / 2, width_y_mm])
     for side in ("top", "right"):
         ax.spines[side].set_visible(True)

@@ -125,7 +125,7 @@ def _tell_tests(chapter: Chapter, verdict: Verdict) -> None:
                 f"{left.words}: {p_text(left.p)}, of the strongest pattern {p_text(left.scan_p)}",
             )
         )
-    chapter.blocks.append(Facts(facts))
+    chapter.add(Facts(facts))
 
 
 def _tell_tried(chapter: Chapter, verdict: Verdict) -> None:

@@ -128,13 +128,13 @@ def origin(results: MismatchResults) -> Chapter:
     chapter, verdict = Chapter("origin", "What this rests on"), results.verdict
     made, kind = verdict.provenance, "SYNTHETIC: made by a virtual lab or another solver"
     facts = [("Readings", kind if verdict.synthetic else "recorded"), ("Nominal model", made.base)]
-    chapter.blocks.append(Facts(facts))
+    chapter.add(Facts(facts))
     _tabulate_noise(chapter, verdict.noise)
     facts = [("SHA-256 of the nominal model", made.base_sha256)]
     facts += [(f"SHA-256 of session {name}", value) for name, value in made.sessions.items()]
     facts += [("Draws", f"{made.draws:,}, seed {made.seed}")]
     facts += [("Versions", ", ".join(f"{name} {version}" for name, version in sorted(made.versions.items())))]
-    chapter.fold("Digests, seed and versions").blocks.append(Facts(facts))
+    chapter.fold("Digests, seed and versions").add(Facts(facts))
     return chapter
 
 
@@ -155,27 +155,24 @@ def mismatch(results: StudyResults) -> Chapter:
     chapter = Chapter("mismatch", "What the simulation leaves out")
     folder = results.folder / FOLDER
     if not results.study.sessions:
-        chapter.miss("No verdict: without recording sessions there is nothing to compare.")
-        return chapter
+        return chapter.miss("No verdict: without recording sessions there is nothing to compare.")
     if not results.study.mismatch.judged and not (folder / VERDICT).is_file():
-        chapter.say(
+        return chapter.say(
             "Not judged: the study leaves the verdict out (mismatch.judged: false). To make one: "
             f"snakemake {folder / PAGE} with the study's --configfile."
         )
-        return chapter
     try:
         judged = MismatchResults(folder)
         verdict, _ = judged.verdict, judged.readings
     except VerdictError as error:
         missing = not (folder / VERDICT).is_file()
-        chapter.miss(f"No verdict: {folder / VERDICT} is not there." if missing else f"No verdict: {error}")
-        return chapter
+        return chapter.miss(
+            f"No verdict: {folder / VERDICT} is not there." if missing else f"No verdict: {error}"
+        )
     made_up = " The readings are SYNTHETIC." if verdict.synthetic else ""
     chapter.say(f"{verdict.sentence}{made_up} Next: {verdict.next_step}")
     show_before_after(chapter, judged)
     page = folder / PAGE
     if page.is_file():
-        chapter.blocks.append(
-            Link("The whole verdict", os.path.relpath(page, results.folder).replace(os.sep, "/"))
-        )
+        chapter.add(Link("The whole verdict", os.path.relpath(page, results.folder).replace(os.sep, "/")))
     return chapter

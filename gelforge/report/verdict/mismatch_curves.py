@@ -10,11 +10,13 @@ from matplotlib.figure import Figure
 from gelforge.report.figures.style import (
     ALLOWED,
     BAND_SIGMAS,
+    CLOUD,
     INK,
     MEASURED,
     PUBLISHED,
     SIMULATED,
     Style,
+    legend_entries,
     new_figure,
     signed_limit,
     styled,
@@ -30,15 +32,14 @@ def depth_figure(results: JudgedReadings) -> Figure:
     """Return force over depth and, below, what is left of it, at a few sites, for the axis that differs most."""
     axis, sites = results.strongest_axis, results.shown_sites()
     sign = -1.0 if axis == "z" else 1.0  # pressing is drawn upward
-    figure, axes = new_figure(
-        1.0 + 3.3 * len(sites),
-        4.9,
-        nrows=2,
-        ncols=len(sites),
-        sharex=True,
-        sharey="row",
-        height_ratios=[1.5, 1],
-    )
+    grid: Style = {
+        "nrows": 2,
+        "ncols": len(sites),
+        "sharex": True,
+        "sharey": "row",
+        "height_ratios": [1.5, 1],
+    }
+    figure, axes = new_figure(1.0 + 3.3 * len(sites), 4.9, **grid)
     for (upper, lower), (site, why) in zip(axes.T, sites):
         table, (about, distance) = results.readings, results.sites_about(site)
         at = table[table["site"] == site].iloc[0]
@@ -66,9 +67,8 @@ def depth_figure(results: JudgedReadings) -> Figure:
     name = "$-F_z$" if axis == "z" else f"$F_{axis}$"
     axes[0, 0].set_ylabel(f"{name} [N]")
     axes[1, 0].set_ylabel(f"difference in {name} [N]")
-    handles = dict(zip(*axes[0, 0].get_legend_handles_labels()[::-1]))
-    handles |= dict(zip(*axes[1, 0].get_legend_handles_labels()[::-1]))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+    shown = legend_entries(*axes[:, 0])
+    figure.legend(shown.values(), shown, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -104,18 +104,16 @@ def time_figure(results: MismatchResults) -> Figure:
         band = BAND_SIGMAS * float(rows["sigma_N"].median())
         ax.axhspan(-band, band, color=ALLOWED, lw=0, label="errors allowed for, ± 2 sigma (median)")
         ax.axhline(0, color=INK, lw=0.7)
-        dots = {"ls": "none", "marker": "o", "ms": 3, "mew": 0, "alpha": 0.75, "rasterized": True}
-        ax.plot(rows["minute"], rows["before"], color=PUBLISHED, label="before", **dots)
+        ax.plot(rows["minute"], rows["before"], color=PUBLISHED, label="before", alpha=0.75, **CLOUD)
         if results.has_after:
-            ax.plot(rows["minute"], rows["after"], color=SIMULATED, label="after", **dots)
+            ax.plot(rows["minute"], rows["after"], color=SIMULATED, label="after", alpha=0.75, **CLOUD)
         for _, start, _ in ends[1:]:
             ax.axvline(start, color="#BBBBBB", lw=0.9, ls=":")
         ax.set(ylim=(-limit, limit), ylabel=f"$F_{axis}$ [N]")
     if len(ends) > 1:
+        above = axes[0, 0].get_xaxis_transform()
         for name, start, end in ends:
-            axes[0, 0].text(
-                (start + end) / 2, 1.02, name, transform=axes[0, 0].get_xaxis_transform(), ha="center"
-            )
+            axes[0, 0].text((start + end) / 2, 1.02, name, transform=above, ha="center")
     axes[-1, 0].set_xlabel("time of the recording [min]")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure

@@ -43,18 +43,11 @@ def calibration_figure(lens: Calibration, example: np.ndarray, straight: np.ndar
         *pixels.T, *(scale * off).T, angles="xy", scale_units="xy", scale=1, width=0.002, color=MEASURED
     )
     arrows.set_title(f"seen less fitted, {scale:.0f} times as long; {lens.rms_px:.3f} px rms")
-    for ax, picture, title in (
-        (before, example, "an image as recorded"),
-        (after, straight, "without distortion"),
-    ):
+    pictures = (before, example, "an image as recorded"), (after, straight, "without distortion")
+    for ax, picture, title in pictures:
         ax.imshow(picture, cmap="gray", vmin=0, vmax=255)
         ax.set_title(title)
     for ax in axes.ravel():
-        ax.set(
-            xlim=(-0.5, width - 0.5),
-            ylim=(height - 0.5, -0.5),
-            aspect="equal",
-            xlabel="u [px]",
-            ylabel="v [px]",
-        )
+        ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
+        ax.set(xlabel="u [px]", ylabel="v [px]")
     return figure

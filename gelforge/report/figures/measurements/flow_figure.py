@@ -53,18 +53,8 @@ def flow_figure(image: np.ndarray, feature: np.ndarray) -> Figure:
     size = np.hypot(du, dv)
     largest = max(size.max(initial=0.0), 1e-6)
     scale = largest / (2.2 * step * width / n)  # the longest arrow spans about two spacings
-    arrows = axes[0, 1].quiver(
-        u[keep],
-        v[keep],
-        du[keep],
-        dv[keep],
-        size[keep],
-        cmap="viridis_r",
-        angles="xy",
-        scale_units="xy",
-        scale=scale,
-        width=0.004,
-    )
+    look = {"cmap": "viridis_r", "angles": "xy", "scale_units": "xy", "scale": scale, "width": 0.004}
+    arrows = axes[0, 1].quiver(*(values[keep] for values in (u, v, du, dv, size)), **look)
     arrows.set_clim(0, largest)
     exaggeration = f"displacement [px], arrows drawn {1 / scale:.2g} times as long"
     figure.colorbar(arrows, ax=axes[0, 1], label=exaggeration, shrink=0.85)

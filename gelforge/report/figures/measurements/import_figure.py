@@ -51,12 +51,8 @@ def import_figure(imported: Imported, folder: Path) -> Figure:
     signals = 3 if imported.frames else 2
     span = (0.0, float(imported.stage.time_s[-1]))
     _signals(imported, parts[0].subplots(signals, 1, sharex=True), span, "All indentations (number above)")
-    _signals(
-        imported,
-        parts[1].subplots(signals, 1, sharex=True),
-        _close_span(imported),
-        "The first indentations, close",
-    )
+    close = parts[1].subplots(signals, 1, sharex=True)
+    _signals(imported, close, _close_span(imported), "The first indentations, close")
     _clocks(imported, parts[2])
     _contacts(imported, contacts, parts[3].subplots(contact_rows, columns, squeeze=False))
     if imported.frames:
@@ -81,10 +77,8 @@ def _signals(imported: Imported, axes, span, name: str) -> None:
     axes[0].set_title(name, loc="left")
     depth = imported.stage.values[:, 2] - np.median(imported.zero_mm)
     force = imported.presses.smooth_N
-    drawn = [
-        (imported.stage.time_s, depth, SIMULATED, "depth [mm]"),
-        (imported.force_s, force, MEASURED, "force [N]"),
-    ]
+    drawn = [(imported.stage.time_s, depth, SIMULATED, "depth [mm]")]
+    drawn.append((imported.force_s, force, MEASURED, "force [N]"))
     if imported.frames and imported.film:
         drawn.append((imported.frames.time_s, imported.film.change, PUBLISHED_LINEAR, "image\nchange [-]"))
     for ax, (time, value, colour, label) in zip(axes, drawn):
@@ -162,11 +156,8 @@ def _correlation(name: str, clock: Aligned, ax) -> None:
     ax.plot([clock.start_s + match.lag_s], [match.correlation], "o", color=PREDICTED, ms=4)
     if match.rival:
         ax.plot([clock.start_s + match.rival[0]], [match.rival[1]], "o", mfc="none", mec=PREDICTED, ms=5)
-    ax.set(
-        xlabel=f"lag of the {name} clock [s]",
-        ylabel="correlation [-]",
-        title=f"{name}: correlation with depth",
-    )
+    ax.set(xlabel=f"lag of the {name} clock [s]", ylabel="correlation [-]")
+    ax.set_title(f"{name}: correlation with depth")
     ax.margins(y=0.1)
 
 
@@ -177,11 +168,8 @@ def _lags(name: str, clock: Aligned, imported: Imported, ax) -> None:
     ax.plot(clock.bends.at_s, 1e3 * (clock.bends.lag_s - middle), ".", color=INK, ms=4)
     ax.plot(at, 1e3 * (line - middle), color=PREDICTED, lw=1.2)
     error = f" ± {2e3 * law.se_s:.1f} ms" if law.se_s else " (given)"
-    ax.set(
-        xlabel="time of the stage [s]",
-        ylabel="lag [ms]",
-        title=f"{name}: {clock.start_s + middle:.4f} s{error}",
-    )
+    ax.set(xlabel="time of the stage [s]", ylabel="lag [ms]")
+    ax.set_title(f"{name}: {clock.start_s + middle:.4f} s{error}")
     ax.set_ylim(min(-10, *ax.get_ylim()), max(10, *ax.get_ylim()))
 
 

@@ -39,15 +39,11 @@ TITLES = {
     "simple_shear": "Simple shear",
 }
 BESIDE = {"compression", "simple_shear"}  # without a standard test next to them, its empty panels say nothing
+# colour and line of each law but the chosen one
 OTHER_LAWS = [
-    (PREDICTED, "--"),
-    (PUBLISHED_LINEAR, "-."),
-    ("#CC79A7", ":"),
-    ("#56B4E9", "--"),
-    ("#8C6D1F", "-."),
-    ("#555555", ":"),
-    (PREDICTED, (0, (6, 1.5, 1, 1.5, 1, 1.5))),
-]  # one for each law but the chosen one
+    *((PREDICTED, "--"), (PUBLISHED_LINEAR, "-."), ("#CC79A7", ":"), ("#56B4E9", "--"), ("#8C6D1F", "-.")),
+    *(("#555555", ":"), (PREDICTED, (0, (6, 1.5, 1, 1.5, 1, 1.5)))),
+]
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
 
 
@@ -167,13 +163,10 @@ def _biaxial(
         thinned = _thinned(curve)
         style: Style = {"ls": "", "marker": mark, "ms": 3.6, "mfc": fill, "mec": MEASURED}
         ax.plot(thinned.stretch, thinned.cauchy_stress_kPa, **style)
-        error = (
-            100
-            * (curve.model_nominal_stress_kPa - curve.nominal_stress_kPa)
-            / mean.nominal_stress_kPa.abs().max()
-        )
         if residual is not None:
-            residual.plot(curve.stretch, error, color=SIMULATED, lw=0.9)
+            error = curve.model_nominal_stress_kPa - curve.nominal_stress_kPa
+            share = 100 * error / mean.nominal_stress_kPa.abs().max()
+            residual.plot(curve.stretch, share, color=SIMULATED, lw=0.9)
     r2, count = (laws[0].r2_nominal or {}).get(kind), mean.test.nunique()
     curves_shown = f"{count} curve{'s' if count > 1 else ''}"
     text = curves_shown if r2 is None else f"R² = {r2:.4f}\n{curves_shown}"

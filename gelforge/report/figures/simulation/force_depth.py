@@ -15,6 +15,8 @@ from gelforge.report.figures.style import (
     PUBLISHED_LINEAR,
     SIMULATED,
     VARIANTS,
+    Style,
+    legend_entries,
     new_figure,
     styled,
 )
@@ -72,53 +74,40 @@ def force_depth_figure(curves: list[ForceDepth], resolution_N: float = PAPER_RES
         if curve.published is not None:
             table = curve.published
             ax.plot(table.depth_mm, -table.fem_N, "--", color=PUBLISHED, lw=1.4, label="paper: FEM")
-            ax.plot(
-                table.depth_mm,
-                -table.fem_linear_N,
-                ":",
-                color=PUBLISHED_LINEAR,
-                lw=1.8,
-                label="paper: linear FEM",
-            )
-            ax.errorbar(
-                table.depth_mm,
-                -table.ft_sensor_N,
-                PAPER_RESOLUTION_N,
-                fmt="s",
-                ms=3.5,
-                mfc="white",
-                color=PUBLISHED,
-                elinewidth=0.8,
-                capsize=2,
-                label="paper: F/T, ± resolution",
-            )
+            linear: Style = {"color": PUBLISHED_LINEAR, "lw": 1.8, "label": "paper: linear FEM"}
+            ax.plot(table.depth_mm, -table.fem_linear_N, ":", **linear)
+            bars: Style = {
+                "fmt": "s",
+                "ms": 3.5,
+                "mfc": "white",
+                "color": PUBLISHED,
+                "elinewidth": 0.8,
+                "capsize": 2,
+            }
+            words = "paper: F/T, ± resolution"
+            ax.errorbar(table.depth_mm, -table.ft_sensor_N, PAPER_RESOLUTION_N, label=words, **bars)
         line = "o-" if curve.sites == 1 else "o"
         ax.plot(curve.depth_mm, -curve.fem_N, line, color=SIMULATED, ms=4, lw=2, label="this study: FEM")
         for (name, (depth_mm, fem_N)), (colour, marker) in zip(curve.variants.items(), cycle(VARIANTS)):
             style = {"ls": (0, (4, 1.5)), "ms": 4, "lw": 1.3, "mfc": "white"}
             ax.plot(depth_mm, -fem_N, marker=marker, color=colour, label=f"variant: {name}", **style)
         if len(curve.ft_N):
-            ax.errorbar(
-                curve.ft_depth_mm,
-                -curve.ft_N,
-                resolution_N,
-                fmt="D",
-                ms=4,
-                color=MEASURED,
-                mec="#7A5200",
-                mew=0.6,
-                elinewidth=1,
-                capsize=2,
-                label="this study: F/T, ± resolution",
-            )
+            bars = {
+                "fmt": "D",
+                "ms": 4,
+                "color": MEASURED,
+                "mec": "#7A5200",
+                "mew": 0.6,
+                "elinewidth": 1,
+                "capsize": 2,
+            }
+            words = "this study: F/T, ± resolution"
+            ax.errorbar(curve.ft_depth_mm, -curve.ft_N, resolution_N, label=words, **bars)
         ax.set(title=curve.title, xlabel="depth of the ball [mm]")
         ax.grid(True)
         ax.set_xlim(left=0)
     axes[0, 0].set_ylim(bottom=0)
     axes[0, 0].set_ylabel("vertical force, $-F_z$ [N]")
-    handles, labels = axes[0, -1].get_legend_handles_labels()
-    for ax in axes[0]:
-        more = dict(zip(labels, handles)) | dict(zip(*ax.get_legend_handles_labels()[::-1]))
-        handles, labels = list(more.values()), list(more)
-    axes[0, 0].legend(handles, labels, loc="upper left")
+    shown = legend_entries(axes[0, -1], *axes[0])
+    axes[0, 0].legend(shown.values(), shown, loc="upper left")
     return figure

@@ -7,7 +7,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from gelforge.report.figures.style import PREDICTED, SIGNED, new_figure, signed_limit, styled, surface_axes
+from gelforge.report.figures.style import (
+    CLOUD,
+    PREDICTED,
+    SIGNED,
+    new_figure,
+    signed_limit,
+    styled,
+    surface_axes,
+)
 
 AXES = ("x", "y", "z")
 
@@ -51,11 +59,8 @@ def prediction_figure(
 ) -> Figure:
     """Return predicted, true, difference (columns) of labels (B, 3) per axis (rows), a row on one scale."""
     limits = row_limits(predicted_N, true_N)
-    columns = {
-        "predicted by the network": predicted_N,
-        "true (FEM label)": true_N,
-        "difference": predicted_N - true_N,
-    }
+    columns = {"predicted by the network": predicted_N, "true (FEM label)": true_N}
+    columns["difference"] = predicted_N - true_N
     figure, axes = new_figure(8.2, 7.6, nrows=3, ncols=3, sharex=True, sharey=True)
     for row, axis in enumerate(AXES):
         for column, (title, force) in enumerate(columns.items()):
@@ -80,24 +85,9 @@ def total_force_figure(predicted_N: np.ndarray, true_N: np.ndarray) -> Figure:
         margin = 0.06 * max(high - low, 1e-3)
         ends = [low - margin, high + margin]
         ax.plot(ends, ends, "-", color="#999999", lw=1, label="perfect")
-        ax.plot(
-            true,
-            predicted,
-            "o",
-            ms=3,
-            mew=0,
-            alpha=0.5,
-            color=PREDICTED,
-            rasterized=True,
-            label="held-out image",
-        )
-        ax.set(
-            xlim=ends,
-            ylim=ends,
-            aspect="equal",
-            xlabel=f"true total $F_{axis}$ [N]",
-            ylabel=f"predicted $F_{axis}$ [N]",
-        )
+        ax.plot(true, predicted, alpha=0.5, color=PREDICTED, label="held-out image", **CLOUD)
+        ax.set(xlim=ends, ylim=ends, aspect="equal")
+        ax.set(xlabel=f"true total $F_{axis}$ [N]", ylabel=f"predicted $F_{axis}$ [N]")
         rms = np.sqrt(np.mean((predicted - true) ** 2))
         ax.set_title(f"rms error {rms:.3f} N", fontsize=9)
     axes[0, 0].legend(loc="upper left")

@@ -11,7 +11,16 @@ from matplotlib.tri import Triangulation
 
 from gelforge.config import Indenter
 from gelforge.report.figures.simulation.silhouette import draw_indenter
-from gelforge.report.figures.style import FAINT, INK, MAGNITUDE, PREDICTED, new_figure, region_colours, styled
+from gelforge.report.figures.style import (
+    FAINT,
+    INK,
+    MAGNITUDE,
+    PREDICTED,
+    Style,
+    new_figure,
+    region_colours,
+    styled,
+)
 
 
 def contact_pressure_kPa(node_normal_N: np.ndarray, node_area_mm2: np.ndarray) -> np.ndarray:
@@ -87,24 +96,13 @@ def draw_pressure(ax: Axes, node_xy_mm, displacement_mm, pressure_kPa, centre_mm
     xy = np.asarray(node_xy_mm)
     triangles = Triangulation(xy[:, 0], xy[:, 1]).triangles  # of the undeformed surface, which has no folds
     moved = xy + np.asarray(displacement_mm)[:, :2]
-    image = ax.tripcolor(
-        moved[:, 0],
-        moved[:, 1],
-        np.asarray(pressure_kPa),
-        triangles=triangles,
-        shading="gouraud",
-        cmap=MAGNITUDE,
-        vmin=0,
-        vmax=max(float(pressure_kPa.max(initial=0.0)), 1e-6),
-        rasterized=True,
-    )
-    ax.plot(moved[:, 0], moved[:, 1], ".", ms=1.2, color=FAINT, rasterized=True)
+    largest = max(float(pressure_kPa.max(initial=0.0)), 1e-6)
+    look: Style = {"shading": "gouraud", "cmap": MAGNITUDE, "vmin": 0, "vmax": largest, "rasterized": True}
+    image = ax.tripcolor(*moved.T, np.asarray(pressure_kPa), triangles=triangles, **look)
+    ax.plot(*moved.T, ".", ms=1.2, color=FAINT, rasterized=True)
+    (x, y), half = centre_mm, half_width_mm
     ax.set(
-        aspect="equal",
-        xlim=(centre_mm[0] - half_width_mm, centre_mm[0] + half_width_mm),
-        ylim=(centre_mm[1] - half_width_mm, centre_mm[1] + half_width_mm),
-        xlabel="x [mm]",
-        ylabel="y [mm]",
+        aspect="equal", xlabel="x [mm]", ylabel="y [mm]", xlim=(x - half, x + half), ylim=(y - half, y + half)
     )
     return image
 
@@ -116,14 +114,8 @@ def section_figure(arrays: dict, row: int, names: list[str], position_mm, indent
     figure, axes = new_figure(9.6, 3.8, nrows=1, ncols=2, width_ratios=[2.1, 1])
     side, top = axes[0]
     nodes = np.asarray(arrays["section_node_mm"])
-    entries = draw_section(
-        side,
-        nodes,
-        arrays["section_displacement_mm"][row],
-        arrays["section_quad"],
-        arrays["section_region"],
-        names,
-    )
+    moved = arrays["section_displacement_mm"][row]
+    entries = draw_section(side, nodes, moved, arrays["section_quad"], arrays["section_region"], names)
     # Below the drawing: above it the indenter may stand anywhere.
     figure.legend(handles=entries, loc="outside lower left", ncols=len(entries))
     x, _, z = arrays["indenter_mm"][row]
@@ -137,14 +129,12 @@ def section_figure(arrays: dict, row: int, names: list[str], position_mm, indent
 
     carries = np.asarray(arrays["node_area_mm2"]) > 0  # corners of quadratic tetrahedra stand for no area
     node_xy = np.asarray(arrays["node_xy_mm"])[carries]
-    pressure = contact_pressure_kPa(
-        arrays["node_normal_N"][row][carries], np.asarray(arrays["node_area_mm2"])[carries]
-    )
+    area = np.asarray(arrays["node_area_mm2"])[carries]
+    pressure = contact_pressure_kPa(arrays["node_normal_N"][row][carries], area)
     reach = np.linalg.norm(node_xy[pressure > 0] - np.asarray(position_mm), axis=1)
     half = 1.35 * float(reach.max(initial=1.0))
-    shown = draw_pressure(
-        top, node_xy, arrays["node_displacement_mm"][row][carries], pressure, position_mm, half
-    )
+    moved = arrays["node_displacement_mm"][row][carries]
+    shown = draw_pressure(top, node_xy, moved, pressure, position_mm, half)
     figure.colorbar(shown, ax=top, label="contact pressure [kPa]", shrink=0.85)
     top.set_title(f"from above, largest {pressure.max(initial=0.0):.1f} kPa")
     return figure

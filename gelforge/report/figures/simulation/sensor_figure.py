@@ -79,24 +79,16 @@ def _draw_above(ax: Axes, study: Study, cells: dict[str, PlannedCell], camera: C
     edges += [np.stack(np.broadcast_arrays(along_x, y), -1) for y in np.linspace(0, wy, sensor.bins.ny + 1)]
     for edge in edges:
         ax.plot(*rolled(sensor, edge)[:, :2].T, color="#00000022", lw=0.5)
-    solved = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.solved]).reshape(-1, 2)
-    mirrored = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.source]).reshape(-1, 2)
-    between = np.array([(c.x_mm, c.y_mm) for c in cells.values() if c.between and not c.source]).reshape(
-        -1, 2
-    )
     dot = float(np.clip(40 / np.sqrt(max(len(cells), 1)), 1.2, 5))
-    ax.plot(*solved.T, "o", ms=dot, color=SIMULATED, mew=0, label=f"{len(solved)} positions to simulate")
-    if len(between):
-        ax.plot(
-            *between.T,
-            "o",
-            ms=dot,
-            color=PREDICTED,
-            mew=0,
-            label=f"{len(between)} interpolated between solved",
-        )
-    if len(mirrored):
-        ax.plot(*mirrored.T, "o", ms=dot, color="#8CC3E6", mew=0, label=f"{len(mirrored)} mirrored from them")
+    kinds = {  # words: colour, sites
+        "positions to simulate": (SIMULATED, [c for c in cells.values() if c.solved]),
+        "interpolated between solved": (PREDICTED, [c for c in cells.values() if c.between and not c.source]),
+        "mirrored from them": ("#8CC3E6", [c for c in cells.values() if c.source]),
+    }
+    for words, (colour, sites) in kinds.items():
+        if sites or colour == SIMULATED:
+            places = np.array([(c.x_mm, c.y_mm) for c in sites]).reshape(-1, 2)
+            ax.plot(*places.T, "o", ms=dot, color=colour, mew=0, label=f"{len(sites)} {words}")
     if camera:
         corners = camera_footprint(camera, crop)
         view: Style = {"fill": False, "ec": PREDICTED, "lw": 1.6, "ls": (0, (5, 3))}
