@@ -226,16 +226,16 @@ def test_a_given_law_has_no_uncertainty_and_a_failed_fit_names_its_folder(tmp_pa
     assert table[["low_95", "high_95"]].isna().all(axis=None)
 
     # The fit names the folder it failed on
-    few = tmp_path / "few"
-    few.mkdir()
-    (few / "samples.csv").write_text("file,test,sample\nua.csv,uniaxial,s1\n")
+    nine_rows = tmp_path / "nine_rows"
+    nine_rows.mkdir()
+    (nine_rows / "samples.csv").write_text("file,test,sample\nua.csv,uniaxial,s1\n")
     lam = np.linspace(1, 2, 9)
     rows = "".join(f"{l:.6g},{20 * (l - l**-2):.6g}\n" for l in lam)
-    (few / "ua.csv").write_text("stretch_1,nominal_stress_kPa\n" + rows)
-    material = Material(tests=few, laws=["ogden3"])  # six parameters, nine rows
-    with pytest.raises(FitError, match=few.name):
-        characterise("gel", material, few / "out")
-    assert not (few / "out").exists()
+    (nine_rows / "ua.csv").write_text("stretch_1,nominal_stress_kPa\n" + rows)
+    material = Material(tests=nine_rows, laws=["ogden3"])  # six parameters, nine rows
+    with pytest.raises(FitError, match=nine_rows.name):
+        characterise("gel", material, nine_rows / "out")
+    assert not (nine_rows / "out").exists()
 
 
 def _flat(law):
