@@ -37,10 +37,30 @@ def test_every_way_of_writing_reads_the_same(tmp_path, text):
     assert table["note"].tolist() == ["", ""]
 
 
-def test_rows_are_numbered_as_an_editor_numbers_lines(tmp_path):
+def test_rows_are_numbered_as_lines_and_their_ends_move_nothing(tmp_path):
+    # Rows are numbered as an editor numbers lines
     path = written(tmp_path, "# one\n# two\na\n1\n\n2\n")
     assert read_csv(path, numbers=["a"]).index.tolist() == [4, 6]
     assert read_comments(path) == ["one", "two"]
+
+    # Ends of rows move nothing
+    table = read_csv(written(tmp_path, "a b\n1  2 \n3 4\n"), numbers=["a", "b"], form=CsvForm(separator=" "))
+    assert table["b"].tolist() == [2.0, 4.0]
+
+    # A row of units may lack the separators at the end of the rows below
+    text = "a,b\nmm,N\n1,2,\n3,4,\n"
+    table = read_csv(written(tmp_path, text), numbers=["a", "b"], form=CsvForm(units_row=None))
+    assert table["b"].tolist() == [2.0, 4.0]
+
+    # A file without a table is named
+    with pytest.raises(TableError, match="no header line"):
+        read_csv(written(tmp_path, "# only a comment\n"), form=CsvForm(find_header=True))
+
+    # Other encodings and missing files are named
+    with pytest.raises(TableError, match="byte 0 is not UTF-8"):
+        read_csv(written(tmp_path, "µ,b\n1,2\n", "latin-1"))
+    with pytest.raises(TableError, match=r"nowhere\.csv: no such file"):
+        read_csv(tmp_path / "nowhere.csv")
 
 
 @pytest.mark.parametrize(
@@ -62,17 +82,6 @@ def test_rows_are_numbered_as_an_editor_numbers_lines(tmp_path):
 def test_what_cannot_be_read_says_where_and_what_to_do(tmp_path, text, message):
     with pytest.raises(TableError, match=r"table\.csv.*" + message):
         read_csv(written(tmp_path, text), numbers=["a"], texts=["name"])
-
-
-def test_a_file_without_a_table_is_named(tmp_path):
-    with pytest.raises(TableError, match="no header line"):
-        read_csv(written(tmp_path, "# only a comment\n"), form=CsvForm(find_header=True))
-
-    # Other encodings and missing files are named
-    with pytest.raises(TableError, match="byte 0 is not UTF-8"):
-        read_csv(written(tmp_path, "µ,b\n1,2\n", "latin-1"))
-    with pytest.raises(TableError, match=r"nowhere\.csv: no such file"):
-        read_csv(tmp_path / "nowhere.csv")
 
 
 CELLS = st.lists(
@@ -106,16 +115,6 @@ def test_a_separator_too_many_in_one_row_is_refused_and_in_all_rows_ignored(
     shifted = [*rows[at][:before], "", *rows[at][before:]]
     with pytest.raises(TableError, match=rf"row {at + 2}: {5 + trailing} (cells|values) for 4 columns"):
         read([*rows[:at], shifted, *rows[at + 1 :]])
-
-
-def test_ends_of_rows_move_nothing(tmp_path):
-    table = read_csv(written(tmp_path, "a b\n1  2 \n3 4\n"), numbers=["a", "b"], form=CsvForm(separator=" "))
-    assert table["b"].tolist() == [2.0, 4.0]
-
-    # A row of units may lack the separators at the end of the rows below
-    text = "a,b\nmm,N\n1,2,\n3,4,\n"
-    table = read_csv(written(tmp_path, text), numbers=["a", "b"], form=CsvForm(units_row=None))
-    assert table["b"].tolist() == [2.0, 4.0]
 
 
 @pytest.mark.parametrize(

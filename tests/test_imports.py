@@ -114,8 +114,8 @@ def complaints(part: str, source: str) -> list[str]:
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 
 
-def test_imports_run_one_way():
-    """One test of all modules: a case for each would cost more than what it looks at."""
+def test_modules_and_rooms_import_what_is_below_them():
+    # Imports run one way. One test of all modules: a case for each would cost more than what it looks at
     assert len(MODULES) > 200  # the package has been found
     found = [
         f"{path.relative_to(PACKAGE).as_posix()}: {words}"
@@ -126,16 +126,7 @@ def test_imports_run_one_way():
     ]
     assert found == []
 
-
-def upward(part: str, room: str, source: str) -> list[str]:
-    """Return what a module in a room imports of its part that is not below it."""
-    rooms = ROOMS[part]
-    inside = [name.split(".")[2] for name in imported(source) if name.startswith(f"gelforge.{part}.")]
-    allowed = rooms[: rooms.index(room) + 1]
-    return [f"{part}/{room} imports {part}.{name}" for name in sorted(set(inside)) if name not in allowed]
-
-
-def test_rooms_import_what_is_below_them():
+    # Rooms import what is below them
     found, seen = [], set()
     for path in MODULES:
         part, *inner = path.relative_to(PACKAGE).parts
@@ -146,6 +137,14 @@ def test_rooms_import_what_is_below_them():
     assert found == []
     assert seen == {(part, room) for part, rooms in ROOMS.items() for room in rooms}
     assert upward("mismatch", "readings", "from gelforge.mismatch.evidence.screen import Candidate")
+
+
+def upward(part: str, room: str, source: str) -> list[str]:
+    """Return what a module in a room imports of its part that is not below it."""
+    rooms = ROOMS[part]
+    inside = [name.split(".")[2] for name in imported(source) if name.startswith(f"gelforge.{part}.")]
+    allowed = rooms[: rooms.index(room) + 1]
+    return [f"{part}/{room} imports {part}.{name}" for name in sorted(set(inside)) if name not in allowed]
 
 
 def circle(sources: dict[str, str]) -> list[str]:
@@ -163,8 +162,8 @@ def circle(sources: dict[str, str]) -> list[str]:
     return []
 
 
-def test_no_modules_import_each_other():
-    """What a function imports as it runs, and what types alone need, may point back."""
+def test_no_modules_import_each_other_and_references_stand_alone():
+    # No modules import each other. What a function imports as it runs, and what types alone need, may point back
     named = {
         ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
         for path in MODULES
@@ -174,6 +173,13 @@ def test_no_modules_import_each_other():
         ["a.b", "a.c", "a.b"],
         ["a.c", "a.b", "a.c"],
     )
+
+    # Reference solutions stand alone. Closed forms judge the package, so they import nothing of it (architecture:
+    # imports)
+    closed_forms = list((PACKAGE / "mechanics").rglob("*reference*.py"))
+    assert closed_forms
+    for path in closed_forms:
+        assert not [name for name in imported(path.read_text()) if name.startswith("gelforge")]
 
 
 @pytest.mark.parametrize(
@@ -192,14 +198,6 @@ def test_no_modules_import_each_other():
 )
 def test_an_import_that_runs_upward_is_found(part, source):
     assert len(complaints(part, source)) == 1
-
-
-def test_reference_solutions_stand_alone():
-    """Closed forms judge the package, so they import nothing of it (architecture: imports)."""
-    closed_forms = list((PACKAGE / "mechanics").rglob("*reference*.py"))
-    assert closed_forms
-    for path in closed_forms:
-        assert not [name for name in imported(path.read_text()) if name.startswith("gelforge")]
 
 
 def test_help_imports_nothing_heavy():

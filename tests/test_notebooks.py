@@ -47,17 +47,8 @@ def test_a_notebook_runs_as_a_script(script, tmp_path):
     assert ran.returncode == 0, ran.stderr[-2000:]
 
 
-def test_without_the_workflow_extra_it_stops_with_one_line(monkeypatch):
-    monkeypatch.setattr(notebook, "find_spec", lambda name: None if name == "snakemake" else object())
-    gf.require("learning")
-    for stop in (lambda: gf.require("workflow", "learning"), lambda: gf.run("snakemake --cores 1")):
-        with pytest.raises(notebook.NotebookStop) as stopped:
-            stop()
-        (line,) = stopped.value._render_traceback_()  # what Jupyter shows
-        assert line == 'gelforge: snakemake not installed; pip install "gelforge[workflow]"'
-
-
-def test_a_command_is_shown_and_its_failure_stops(capsys):
+def test_a_command_is_shown_and_its_failure_or_a_missing_extra_stops(capsys, monkeypatch):
+    # A command is shown and its failure stops
     gf.run("gelforge --version")
     assert gf.__version__ in capsys.readouterr().out
     gf.run("gelforge --version", quiet=True)
@@ -68,3 +59,12 @@ def test_a_command_is_shown_and_its_failure_stops(capsys):
         gf.run("rm -r results")
     with pytest.raises(notebook.NotebookStop, match="no extras .'workflows'"):
         gf.require("workflows")
+
+    # Without the workflow extra it stops with one line
+    monkeypatch.setattr(notebook, "find_spec", lambda name: None if name == "snakemake" else object())
+    gf.require("learning")
+    for stop in (lambda: gf.require("workflow", "learning"), lambda: gf.run("snakemake --cores 1")):
+        with pytest.raises(notebook.NotebookStop) as stopped:
+            stop()
+        (line,) = stopped.value._render_traceback_()  # what Jupyter shows
+        assert line == 'gelforge: snakemake not installed; pip install "gelforge[workflow]"'

@@ -89,7 +89,8 @@ def test_a_cut_file_is_noticed(product, share):
         check(product)
 
 
-def test_another_program_reads_what_is_sealed(tmp_path):
+def test_products_are_read_elsewhere_sealed_anew_and_others_named(tmp_path):
+    # Another program reads what is sealed
     for name, write in KINDS.items():
         write(tmp_path / name)
     with h5py.File(tmp_path / "values.h5") as file, np.load(tmp_path / "values.npz") as archive:
@@ -100,8 +101,7 @@ def test_another_program_reads_what_is_sealed(tmp_path):
     assert list(read_product_table(tmp_path / "readings.csv", REMEDY).columns) == ["cell", "force_N"]
     assert read_product_json(tmp_path / "law.json", REMEDY) == {"name": "gel", "mu_kPa": [1.0, 2.0]}
 
-
-def test_who_changes_a_product_seals_it_anew(tmp_path):
+    # Who changes a product seals it anew
     write_hdf5(tmp_path / "values.h5")
     with h5py.File(tmp_path / "values.h5", "r+") as file:
         file["values"][3] = 7.0
@@ -111,15 +111,16 @@ def test_who_changes_a_product_seals_it_anew(tmp_path):
     with opened(tmp_path / "values.h5", "numbers", REMEDY) as file:
         assert file["values"][3] == 7.0
 
-
-def test_a_file_of_another_kind_or_none_is_named(tmp_path):
-    write_table(tmp_path / "a.h5")
+    # A file of another kind or none is named
+    other = tmp_path / "other"
+    other.mkdir()
+    write_table(other / "a.h5")
     with pytest.raises(FileError, match=r"a\.h5: no HDF5 file; make it again"):
-        opened(tmp_path / "a.h5", "numbers", REMEDY)
-    os.mkfifo(tmp_path / "pipe.h5")
+        opened(other / "a.h5", "numbers", REMEDY)
+    os.mkfifo(other / "pipe.h5")
     for name, words in (("pipe.h5", "no regular file"), ("none.h5", "no such file")):
         with pytest.raises(FileError, match=words):
-            opened(tmp_path / name, "numbers", REMEDY)
+            opened(other / name, "numbers", REMEDY)
 
 
 # ---------------------------------------------------------------------------------- the machine, not the file
@@ -220,10 +221,11 @@ def test_the_next_run_removes_what_a_killed_one_left(tmp_path):
     write_table(tmp_path / "a.csv")
     assert {path.name for path in tmp_path.iterdir()} == {"a.csv", alive.name, elsewhere.name, mine.name}
 
-
-def test_a_process_of_the_same_number_that_started_later_is_another(tmp_path):
-    machine, process, started = temporary_beside(tmp_path / "a").name.split(".")[2].split("-")
-    left = tmp_path / f".a.{machine}-{process}-{int(started) - 1}.tmp"
+    # A process of the same number that started later is another
+    later = tmp_path / "later"
+    later.mkdir()
+    machine, process, started = temporary_beside(later / "a").name.split(".")[2].split("-")
+    left = later / f".a.{machine}-{process}-{int(started) - 1}.tmp"
     left.write_text("half")
-    write_table(tmp_path / "b.csv")
+    write_table(later / "b.csv")
     assert not left.exists()

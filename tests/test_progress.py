@@ -87,7 +87,8 @@ def test_a_terminal_has_one_line_that_is_cleared(shown, monkeypatch):
     assert shown_lines[-3:] == ["verdict, about 10 s left: fits", "verdict, about 10 s left: tables", ""]
 
 
-def test_only_the_outermost_is_shown(shown, capsys):
+def test_only_the_outermost_is_shown_and_an_error_leaves_what_was_done(shown, capsys):
+    # Only the outermost is shown
     clock = Clock()
     with Progress("outer", 2, clock=clock) as outer:
         run(clock, 10, 3.0)
@@ -106,26 +107,7 @@ def test_only_the_outermost_is_shown(shown, capsys):
     printed = capsys.readouterr().err
     assert printed.startswith("study: readings\n") and "verdict" not in printed
 
-
-def test_unknown_ends_have_no_time_left(shown, capsys):
-    clock = Clock()
-    with Progress("frames", None, clock=clock) as told:
-        for _ in range(10):
-            clock.now += 30.0
-            told.advance()
-    assert capsys.readouterr().err.splitlines()[0] == "frames: 1"
-
-
-def test_a_worker_is_silent(shown, capfd):
-    child = os.fork()
-    if not child:
-        run(Clock(), 10, 100.0)
-        os._exit(0)
-    os.waitpid(child, 0)
-    assert capfd.readouterr().err == ""
-
-
-def test_an_error_leaves_what_was_done(shown, capsys):
+    # An error leaves what was done
     def fails():
         for _ in tracked(range(4), "sites"):
             raise ValueError("no")
@@ -140,6 +122,34 @@ def test_an_error_leaves_what_was_done(shown, capsys):
         fails()
     run(clock, 4, 6.0)
     assert "4 of 4" in capsys.readouterr().err, "the next one is shown again"
+
+
+def test_unknown_ends_have_no_time_left_and_short_stages_no_line(shown, capsys):
+    # Unknown ends have no time left
+    clock = Clock()
+    with Progress("frames", None, clock=clock) as told:
+        for _ in range(10):
+            clock.now += 30.0
+            told.advance()
+    assert capsys.readouterr().err.splitlines()[0] == "frames: 1"
+
+    # Short stages leave no line
+    with Stages("adaptation", clock=Clock()):
+        stage("gains")
+    assert capsys.readouterr().err == ""
+
+    # A stage without stages says nothing
+    stage("fits")
+    assert capsys.readouterr().err == ""
+
+
+def test_a_worker_is_silent(shown, capfd):
+    child = os.fork()
+    if not child:
+        run(Clock(), 10, 100.0)
+        os._exit(0)
+    os.waitpid(child, 0)
+    assert capfd.readouterr().err == ""
 
 
 def staged(clock, **options):
@@ -170,16 +180,6 @@ def test_stages_in_a_log_say_what_runs_and_how_long_all_of_it_takes(shown, capsy
     # More than was expected is said
     staged(Clock(), expected_s=30.0)
     assert "verdict, 40 s so far, 30 s expected: tables" in capsys.readouterr().err
-
-
-def test_short_stages_leave_no_line(shown, capsys):
-    with Stages("adaptation", clock=Clock()):
-        stage("gains")
-    assert capsys.readouterr().err == ""
-
-    # A stage without stages says nothing
-    stage("fits")
-    assert capsys.readouterr().err == ""
 
 
 def test_items_pass_unchanged():

@@ -71,9 +71,20 @@ def test_a_sheared_press_by_nodes_bins_and_derivatives():
     assert_allclose(slope.total[-1], difference[-1], rtol=0.02, atol=2e-4)
 
 
-def test_independent_errors_are_added_in_squares():
+def test_errors_add_in_squares_and_sections_are_taken_as_their_keys():
+    # Independent errors are added in squares
     arrays = {"bin_sigma_mesh_N": np.array([3.0]), "bin_sigma_material_N": np.array([4.0])}
     assert pressing._sigma(arrays, "bin") == 5.0
+
+    # Sections and a study are taken as well as their keys
+    study = pressing.described_study(None, **ONE_LAYER, sensitivities=())
+    again = pressing.described_study(
+        study, study.sensor, study.indenter, study.materials, study.mechanics, ()
+    )
+    assert again == study
+    changed = pressing.described_study(study, None, None, None, {"friction": 0.1}, ("friction",))
+    assert changed.mechanics.friction == 0.1 and changed.mechanics.mesh == study.mechanics.mesh
+    assert changed.mechanics.sensitivities == ["friction"]
 
 
 @pytest.mark.parametrize(
@@ -89,17 +100,6 @@ def test_independent_errors_are_added_in_squares():
 def test_what_cannot_be_pressed_is_refused_before_anything_is_solved(at, blocks, words):
     with pytest.raises(ConfigError, match=words):
         gf.press(6.0, 6.0, at, **ONE_LAYER | blocks)
-
-
-def test_sections_and_a_study_are_taken_as_well_as_their_keys():
-    study = pressing.described_study(None, **ONE_LAYER, sensitivities=())
-    again = pressing.described_study(
-        study, study.sensor, study.indenter, study.materials, study.mechanics, ()
-    )
-    assert again == study
-    changed = pressing.described_study(study, None, None, None, {"friction": 0.1}, ("friction",))
-    assert changed.mechanics.friction == 0.1 and changed.mechanics.mesh == study.mechanics.mesh
-    assert changed.mechanics.sensitivities == ["friction"]
 
 
 def test_a_fit_is_taken_by_a_press_with_its_uncertainty(tmp_path):
@@ -133,13 +133,8 @@ def test_a_model_is_written_as_the_section_that_gives_it(parameters):
     assert again.constitutive_model() == section.constitutive_model()
 
 
-def test_tests_of_several_materials_are_no_fit_of_one(monkeypatch):
-    monkeypatch.setattr("gelforge.materials.readers.material_source.read_sources", lambda *_: [])
-    with pytest.raises(ConfigError, match="found tests of none.*name its folder"):
-        gf.fit(EXAMPLES / "data/demo/materials")
-
-
-def test_a_recording_is_read_judged_and_predicted_by_what_the_commands_use(tmp_path):
+def test_a_recording_and_a_fit_are_read_by_what_the_commands_use(tmp_path, monkeypatch):
+    # A recording is read judged and predicted by what the commands use
     with pytest.raises(ConfigError, match="no such file"):
         gf.judge(tmp_path, "nowhere.yaml", tmp_path / "out")
     with pytest.raises(Exception, match=r"session\.yaml: missing"):
@@ -147,3 +142,8 @@ def test_a_recording_is_read_judged_and_predicted_by_what_the_commands_use(tmp_p
     with pytest.raises(Exception, match="model.onnx"):
         next(gf.predict(tmp_path / "model.onnx", tmp_path))
     assert predictions.predict is gf.predict
+
+    # Tests of several materials are no fit of one
+    monkeypatch.setattr("gelforge.materials.readers.material_source.read_sources", lambda *_: [])
+    with pytest.raises(ConfigError, match="found tests of none.*name its folder"):
+        gf.fit(EXAMPLES / "data/demo/materials")

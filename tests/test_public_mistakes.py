@@ -75,12 +75,12 @@ def test_a_mistake_is_answered_in_a_line_that_says_what_to_pass(tmp_path, monkey
     assert type(raised.value).__module__.startswith("gelforge.") and len(str(raised.value)) < 600
 
 
-def test_one_depth_and_one_name_may_stand_by_themselves():
+def test_results_of_single_values_are_taken_and_all_printed_in_a_few_lines(tmp_path):
+    # One depth and one name may stand by themselves
     answer = gf.press(6.0, 6.0, 0.4, **ONE_LAYER, sensitivities="friction")
     assert answer.depth_mm.tolist() == [0.4] and list(answer.slopes) == ["friction"]
 
-
-def test_results_are_printed_in_a_few_lines_with_their_totals(tmp_path):
+    # Results are printed in a few lines with their totals
     answer = gf.press(6.0, 6.0, [0.2, 0.4], **ONE_LAYER, sensitivities=["friction"])
     depths = np.linspace(0.05, 0.4, 40)
     slopes = PressSlopes(depths, np.ones((40, 3)), np.ones((40, 4, 3)), {"x_mm": np.ones((40, 3))}, {})

@@ -22,15 +22,15 @@ def module(tmp_path):
     return run
 
 
-def test_a_process_that_outlives_its_command_counts(module, tmp_path):
+def test_processes_that_outlive_status_memory_and_the_limit_count(module, tmp_path):
+    # A process that outlives its command counts
     (tmp_path / "left.py").write_text(BURN.format(seconds=0.5))
     done = module("import subprocess, sys\nsubprocess.Popen([sys.executable, 'left.py'])\nprint('begun')\n")
     assert done.status == 0
     assert done.cpu_s > 0.5
     assert done.printed == "begun\n"
 
-
-def test_status_memory_and_the_limit(module):
+    # Status memory and the limit
     done = module("import sys\nheld = b'x' * 200_000_000\nsys.exit(3)\n")
     assert done.status == 3
     assert done.memory_MB > 190

@@ -156,16 +156,8 @@ def test_commands_without_extras_name_the_one_that_they_lack(installed, tmp_path
     )
 
 
-def test_extras_are_those_of_the_installation():
-    module = {"scikit-learn": "sklearn"}
-    optional = PROJECT["optional-dependencies"]
-    for extra, brings in EXTRAS.items():
-        names = {Requirement(line).name for line in optional[extra]} - {"gelforge"}
-        assert set(brings) <= {module.get(name, name.replace("-", "_")) for name in names}, extra
-
-
-def test_one_version_everywhere():
-    """The tags of this commit among them, where this is a clone."""
+def test_one_version_everywhere_and_extras_are_those_of_the_installation():
+    # One version everywhere. The tags of this commit among them, where this is a clone
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert citation["version"] == gelforge.__version__
     assert f"\n## {gelforge.__version__} " in (ROOT / "CHANGELOG.md").read_text()
@@ -173,3 +165,10 @@ def test_one_version_everywhere():
         ["git", "tag", "--points-at", "HEAD", "v*.*.*"], cwd=ROOT, capture_output=True, text=True
     )
     assert set(tags.stdout.split()) <= {f"v{gelforge.__version__}"}
+
+    # Extras are those of the installation
+    module = {"scikit-learn": "sklearn"}
+    optional = PROJECT["optional-dependencies"]
+    for extra, brings in EXTRAS.items():
+        names = {Requirement(line).name for line in optional[extra]} - {"gelforge"}
+        assert set(brings) <= {module.get(name, name.replace("-", "_")) for name in names}, extra

@@ -42,13 +42,19 @@ def fails(task):
     raise ValueError(task)
 
 
-def test_the_workers_stay_for_the_next_call_unless_one_has_failed():
+def test_the_workers_stay_for_the_next_call_unless_one_failed_or_was_killed():
+    # The workers stay for the next call unless one has failed
     first = set(each(own_number, range(50), 2, "tasks"))
     assert os.getpid() not in first
     assert first & set(each(own_number, range(50), 2, "tasks"))
     with pytest.raises(ValueError, match="0"):
         each(fails, range(3), 2, "tasks")
     assert not first & set(each(own_number, range(50), 2, "tasks"))
+
+    # After a worker was killed the next call has others
+    with pytest.raises(BrokenProcessPool):
+        each(killed, range(2), 2, "tasks")
+    assert each(squared, range(3), 2, "squares") == [0, 1, 4]
 
 
 def test_they_end_with_a_command(capsys):
@@ -61,14 +67,9 @@ def killed(task):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_after_a_worker_was_killed_the_next_call_has_others():
-    with pytest.raises(BrokenProcessPool):
-        each(killed, range(2), 2, "tasks")
-    assert each(squared, range(3), 2, "squares") == [0, 1, 4]
-
-
-def test_an_interruption_ends_the_workers_in_the_middle_of_their_tasks(tmp_path):
-    """Without that it would wait for two tasks that never end: a hanging test would show it."""
+def test_interruptions_and_killed_commands_end_the_workers(tmp_path):
+    # An interruption ends the workers in the middle of their tasks. Without that it would wait for two tasks that
+    # never end: a hanging test would show it
     before = signal.signal(
         signal.SIGINT, signal.default_int_handler
     )  # ignored where tests run in the background
@@ -91,17 +92,18 @@ def test_an_interruption_ends_the_workers_in_the_middle_of_their_tasks(tmp_path)
         while not ended(int((tmp_path / name).read_text())):
             pass
 
-
-def test_a_command_that_is_killed_takes_its_workers_with_it(tmp_path):
+    # A command that is killed takes its workers with it
+    killed_command = tmp_path / "killed_command"
+    killed_command.mkdir()
     program = (
         "from functools import partial\nfrom pathlib import Path\nfrom gelforge.workers import each\n"
-        f"from test_workers import begun\neach(partial(begun, Path({str(tmp_path)!r})), range(2), 2, 'tasks')"
+        f"from test_workers import begun\neach(partial(begun, Path({str(killed_command)!r})), range(2), 2, 'tasks')"
     )
     own = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     with subprocess.Popen([sys.executable, "-c", program], env=own, stderr=subprocess.DEVNULL) as command:
-        while not all((tmp_path / name).exists() for name in "01"):
+        while not all((killed_command / name).exists() for name in "01"):
             assert command.poll() is None
         command.kill()
     for name in "01":
-        while not ended(int((tmp_path / name).read_text())):
+        while not ended(int((killed_command / name).read_text())):
             pass

@@ -42,7 +42,8 @@ def test_a_truth_value_is_no_number(tmp_path, word):
     assert "number" in said or "integer" in said or "stands twice" in said
 
 
-def test_a_truth_value_that_python_gives_is_no_number_either():
+def test_truth_values_of_python_are_no_numbers_and_changes_are_checked():
+    # A truth value that python gives is no number either
     content = {**load_study("config/test.yaml").model_dump(mode="json"), "seed": True}
     with pytest.raises(ConfigError, match="seed: true or false where a number belongs"):
         study_from(content)
@@ -50,13 +51,29 @@ def test_a_truth_value_that_python_gives_is_no_number_either():
     content["mechanics"] = {**content["mechanics"], "error_bars": False}
     assert study_from(content).mechanics.error_bars is False
 
+    # Changes of a study are checked as a file is
+    plain = load_study("config/test.yaml")
+    whole = plain.model_dump(mode="json")
+    whole["mechanics"]["friction"] = 0.2
+    assert changed_study(plain, {"mechanics": {"friction": 0.2}}) == study_from(whole)
+    for wrong, why in (
+        (True, "true or false"),
+        (1e13, "nothing is larger|less than"),
+        (-1.0, "greater than"),
+    ):
+        with pytest.raises(ConfigError, match=why):
+            changed_study(plain, {"mechanics": {"friction": wrong}})
+    with pytest.raises(ConfigError, match="nothing is larger"):
+        changed_study(plain, {"mechanics": {"effects": {"kinematics": {"contact_zero_mm": -1e-13}}}})
+
 
 def session_file(tmp_path, text):
     (tmp_path / "session.yaml").write_text(text)
     return load_session(tmp_path / "session.yaml")
 
 
-def test_truth_values_dates_and_zeros_are_read_as_written(tmp_path):
+def test_values_are_read_as_written_without_double_keys_or_bombs(tmp_path):
+    # Truth values dates and zeros are read as written
     for word in ("true", "yes", "True"):
         assert session_file(tmp_path, f"session: no\nsynthetic: {word}\ndate: 2026-01-02\n").synthetic is True
     read = session_file(tmp_path, "session: no\nsynthetic: no\ndate: 2026-01-02\nsensor_age_days: 010\n")
@@ -70,8 +87,7 @@ def test_truth_values_dates_and_zeros_are_read_as_written(tmp_path):
         session_file(tmp_path, "session: a\nsensor_age_days: 1:30\n")
     assert session_file(tmp_path, "session: a\ntemperature_C: -1e1\n").temperature_C == -10.0
 
-
-def test_a_key_that_stands_twice_is_refused(tmp_path):
+    # A key that stands twice is refused
     with pytest.raises(ConfigError, match=r"session.yaml, line 3: .*the key 'session' stands twice"):
         session_file(tmp_path, "session: a\nnotes: x\nsession: b\n")
     with pytest.raises(ConfigError, match="the key 'by' stands twice"):
@@ -79,8 +95,7 @@ def test_a_key_that_stands_twice_is_refused(tmp_path):
     both = session_file(tmp_path, "session: a\nforce: {tared: true}\ndepth_zero: {by: press}\nnotes: by\n")
     assert both.depth_zero.by == "press"
 
-
-def test_an_alias_is_read_and_a_bomb_of_them_is_not(tmp_path):
+    # An alias is read and a bomb of them is not
     read = session_file(tmp_path, "session: a\nforce: {resolution_N: &r [1, 1, 1], range_N: *r}\n")
     assert read.force.range_N == [1.0, 1.0, 1.0]
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
@@ -100,7 +115,8 @@ def test_what_is_no_yaml_is_one_line(tmp_path, text):
     assert "\n" not in str(error.value) and "session.yaml" in str(error.value)
 
 
-def test_pipes_devices_and_folders_are_not_waited_for(tmp_path):
+def test_pipes_and_huge_values_are_not_waited_for(tmp_path):
+    # Pipes devices and folders are not waited for
     os.mkfifo(tmp_path / "pipe.yaml")
     for path in (tmp_path / "pipe.yaml", Path("/dev/zero"), tmp_path, tmp_path / "nowhere/pipe.yaml"):
         with pytest.raises(ConfigError, match="a pipe or a device|a folder|no such file"):
@@ -108,8 +124,7 @@ def test_pipes_devices_and_folders_are_not_waited_for(tmp_path):
         with pytest.raises(TableError, match="a pipe or a device|a folder|no such file"):
             read_csv(path, numbers=["a"])
 
-
-def test_a_huge_value_is_told_in_short(tmp_path):
+    # A huge value is told in short
     assert "has at most" not in refused(tmp_path, lambda text: text + "\nnotes: [" + "x, " * 5000 + "x]\n")
     with pytest.raises(ConfigError, match="characters, at most"):
         session_file(tmp_path, "# " + "x" * 3_000_000)
@@ -124,7 +139,8 @@ def planned(tmp_path, rows, **plan):
     return plan_cells(study_from(content))
 
 
-def test_two_cells_at_one_place_are_refused_and_two_paths_are_not(tmp_path):
+def test_plans_with_two_cells_at_one_place_or_in_metres_are_asked_about(tmp_path):
+    # Two cells at one place are refused and two paths are not
     with pytest.raises(ConfigError, match=r"sites a and b are both at \(8, 8\) mm"):
         planned(tmp_path, ["a,8,8,0.2,,", "b,8.004,8,0.4,,"])
     assert len(planned(tmp_path, ["a,8,8,0.2,,", "b,8.4,8,0.4,,"])) == 2
@@ -133,8 +149,7 @@ def test_two_cells_at_one_place_are_refused_and_two_paths_are_not(tmp_path):
     with pytest.raises(ConfigError, match="sites a and b follow the same path"):
         planned(tmp_path, [*left, *(row.replace("a,", "b,") for row in left)])
 
-
-def test_a_plan_in_metres_or_inches_is_asked_about(tmp_path):
+    # A plan in metres or inches is asked about
     metres = ["a,0.006,0.006,0.0004,,", "b,0.008,0.008,0.0004,,"]
     with pytest.raises(ConfigError, match="are these metres. `plan.mm_per_unit: 1000` reads metres"):
         planned(tmp_path, metres)
@@ -174,22 +189,6 @@ def test_a_mesh_beyond_any_memory_is_refused_before_it_is_made(key, size):
         plan_cells(study_from(content))
     content["mechanics"]["mesh"] |= {"near_mm": 0.1, "far_mm": 3.0}
     assert plan_cells(study_from(content))
-
-
-def test_changes_of_a_study_are_checked_as_a_file_is():
-    plain = load_study("config/test.yaml")
-    whole = plain.model_dump(mode="json")
-    whole["mechanics"]["friction"] = 0.2
-    assert changed_study(plain, {"mechanics": {"friction": 0.2}}) == study_from(whole)
-    for wrong, why in (
-        (True, "true or false"),
-        (1e13, "nothing is larger|less than"),
-        (-1.0, "greater than"),
-    ):
-        with pytest.raises(ConfigError, match=why):
-            changed_study(plain, {"mechanics": {"friction": wrong}})
-    with pytest.raises(ConfigError, match="nothing is larger"):
-        changed_study(plain, {"mechanics": {"effects": {"kinematics": {"contact_zero_mm": -1e-13}}}})
 
 
 def test_numbers_of_no_size_are_refused(tmp_path):

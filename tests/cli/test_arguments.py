@@ -25,8 +25,9 @@ def every_parser(top):
                 yield from every_parser(one)
 
 
-def test_every_command_calls_a_function_that_takes_its_arguments():
-    """`run` names the function in words, which no type check follows."""
+def test_every_command_calls_a_function_and_describes_its_options():
+    # Every command calls a function that takes its arguments. `run` names the function in words, which no type
+    # check follows
     for one in every_parser(parser()):
         if run := one.get_default("run"):
             module, _, name = run.rpartition(".")
@@ -35,18 +36,7 @@ def test_every_command_calls_a_function_that_takes_its_arguments():
             needed = {key for key, value in taken.items() if value.default is inspect.Parameter.empty}
             assert needed <= given <= set(taken), one.prog
 
-
-@pytest.fixture
-def studies(tmp_path, monkeypatch):
-    """A folder whose studies are `demo`, in config/config.yaml, and `mine`."""
-    monkeypatch.chdir(tmp_path)
-    Path("config").mkdir()
-    Path("config/config.yaml").write_text("# the demo\nstudy: demo # small\n")
-    Path("config/mine.yaml").write_text("study: 'mine'\n")
-    Path("config/README.yaml").write_text("keys: 1\n")
-
-
-def test_every_option_is_described_and_every_study_is_named_the_same_way():
+    # Every option is described and every study is named the same way
     bare = [
         (one.prog, action.dest)
         for one in every_parser(parser())
@@ -65,6 +55,16 @@ def test_every_option_is_described_and_every_study_is_named_the_same_way():
     ]
     assert len(named) > 25
     assert {action.type for action in named} == {study_file}
+
+
+@pytest.fixture
+def studies(tmp_path, monkeypatch):
+    """A folder whose studies are `demo`, in config/config.yaml, and `mine`."""
+    monkeypatch.chdir(tmp_path)
+    Path("config").mkdir()
+    Path("config/config.yaml").write_text("# the demo\nstudy: demo # small\n")
+    Path("config/mine.yaml").write_text("study: 'mine'\n")
+    Path("config/README.yaml").write_text("keys: 1\n")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ from gelforge.config import ConfigError
 DEMO = Path(__file__).parents[2] / "data" / "demo" / "materials"
 
 
-def test_two_materials_get_a_folder_each(tmp_path, capsys):
+def test_two_materials_get_a_folder_each_and_an_unknown_law_none(tmp_path, capsys):
+    # Two materials get a folder each
     characterise_command([DEMO / "ecoflex_gel", DEMO / "elastosil_25_1"], None, "ogden2, neo_hooke", tmp_path)
     for name in ("ecoflex_gel", "elastosil_25_1"):
         files = {path.relative_to(tmp_path / name).as_posix() for path in (tmp_path / name).rglob("*.*")}
@@ -21,8 +22,7 @@ def test_two_materials_get_a_folder_each(tmp_path, capsys):
         }  # fmt: skip
     assert "ecoflex_gel: Ogden, K = 2: the lowest AICc of 2" in capsys.readouterr().out
 
-
-def test_an_unknown_law_leaves_nothing_behind(tmp_path):
+    # An unknown law leaves nothing behind
     with pytest.raises(ConfigError, match="laws.0, found 'ogden7'"):
         characterise_command([DEMO / "ecoflex_gel"], None, "ogden7", tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -36,7 +36,8 @@ def test_depths_that_make_no_path_are_refused(text):
         depth_list(text)
 
 
-def test_errors_of_ours_are_one_plain_message_unless_debugged(empty_folder, capsys):
+def test_errors_of_ours_are_one_plain_message_before_time_is_spent(empty_folder, capsys):
+    # Errors of ours are one plain message unless debugged
     assert main(["check", "config/nothing.yaml"]) == 1
     printed = capsys.readouterr().err
     assert printed == "gelforge: config/nothing.yaml: no such file; name a YAML file that exists\n"
@@ -44,6 +45,16 @@ def test_errors_of_ours_are_one_plain_message_unless_debugged(empty_folder, caps
     # Debug shows where an error arose
     with pytest.raises(ValueError, match="no such file"):
         main(["check", "config/nothing.yaml", "--debug"])
+
+    # What is outside or not planned is refused before time is spent
+    assert main(["press", "--x", "40", "--y", "16", "--depths", "1"]) == 1
+    assert "lies outside the sensor" in capsys.readouterr().err
+
+    # Simulate refuses a cell that is not planned
+    main(["init", "mine"])
+    arguments = ["--study", "config/mine.yaml", "--cell", "x9", "--laws", "law.json", "--out", "x9.h5"]
+    assert main(["simulate", *arguments]) == 1
+    assert "'x9' is not in the plan" in capsys.readouterr().err
 
 
 def test_a_new_study_is_valid_and_its_missing_data_are_named(empty_folder, capsys):
@@ -90,17 +101,6 @@ def test_check_names_key_value_and_limit(empty_folder, capsys, old, new, words):
     printed = capsys.readouterr().err
     for word in words:
         assert word in printed
-
-
-def test_what_is_outside_or_not_planned_is_refused_before_time_is_spent(empty_folder, capsys):
-    assert main(["press", "--x", "40", "--y", "16", "--depths", "1"]) == 1
-    assert "lies outside the sensor" in capsys.readouterr().err
-
-    # Simulate refuses a cell that is not planned
-    main(["init", "mine"])
-    arguments = ["--study", "config/mine.yaml", "--cell", "x9", "--laws", "law.json", "--out", "x9.h5"]
-    assert main(["simulate", *arguments]) == 1
-    assert "'x9' is not in the plan" in capsys.readouterr().err
 
 
 def test_press_prints_forces_and_writes_the_cell(empty_folder, capsys):

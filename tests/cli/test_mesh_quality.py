@@ -39,7 +39,14 @@ def test_the_mesh_of_a_shipped_study_is_tested_in_every_quality(quality):
     assert words.endswith("% of a mesh of 0.15 mm (tested on 9dtact)")
 
 
-def test_another_mesh_or_sensor_is_not_tested(tmp_path):
+def test_the_reference_has_half_the_default_sizes_and_other_meshes_are_not_tested(tmp_path):
+    # The reference has half the default sizes whatever the quality
+    for quality in QUALITIES:
+        assert reference_mesh(with_mesh(sensor("paper"), quality=quality)).used.near_mm == 0.15
+    dome = sensor("dome")
+    assert reference_mesh(dome).near_mm == dome.mechanics.mesh.near_mm / 2
+
+    # Another mesh or sensor is not tested
     study = sensor("9dtact")
     assert mesh_error_words(with_mesh(study, near_mm=0.31)).startswith("not tested")
     assert mesh_error_words(with_mesh(study, elements="tetrahedra")).startswith("not tested")
@@ -54,13 +61,6 @@ def test_another_mesh_or_sensor_is_not_tested(tmp_path):
         with_mesh(paper_study(), quality="fast"), read_mesh_errors(tmp_path / "errors.csv")
     )
     assert "within 0.4 to 2.5 %" in words
-
-
-def test_the_reference_has_half_the_default_sizes_whatever_the_quality():
-    for quality in QUALITIES:
-        assert reference_mesh(with_mesh(sensor("paper"), quality=quality)).used.near_mm == 0.15
-    dome = sensor("dome")
-    assert reference_mesh(dome).near_mm == dome.mechanics.mesh.near_mm / 2
 
 
 def test_check_and_press_print_error_and_seconds(capsys, tmp_path):

@@ -62,15 +62,15 @@ def test_every_press_of_a_shipped_study_fits_its_sensor(empty_folder, sensor):
     assert {"site", "ball", "punch", "edge"} <= kinds
 
 
-def test_an_edited_study_stays(empty_folder):
+def test_an_edited_study_stays_and_the_last_words_name_the_next_commands(empty_folder):
+    # An edited study stays
     build.write_files("gelsight_mini")
     file = build.model_study("gelsight_mini")
     file.write_text(file.read_text().replace("rows: 12000", "rows: 500"))
     assert build.write_files("gelsight_mini") == []
     assert load_study(file).synthesis.rows == 500
 
-
-def test_the_last_words_name_the_next_commands_and_what_was_never_tried():
+    # The last words name the next commands and what was never tried
     words = build.what_next(Path("mini"), Path("config/models/x.yaml"), Path("results/x/model/model.pt"))
     assert "SYNTHETIC" in words and "never tried on real images" in words
     assert "gelforge live 0 --model mini/results/x/model/model.pt" in words

@@ -48,10 +48,25 @@ def test_every_number_says_where_it_is_from(path):
     assert numbers_without_source(path.read_text()) == []
 
 
-def test_every_sensor_has_a_study_and_the_names_agree():
+def test_every_sensor_has_a_study_and_the_digit_the_surface_of_its_script(tmp_path):
+    # Every sensor has a study and the names agree
     assert {"paper", "gelsight_mini", "digit", "9dtact", "dome", "tactip"} == set(sensor_names())
     assert {path.stem for path in (ROOT / "config/sensors").glob("*.yaml")} == set(sensor_names())
     assert {path.stem for path in (ROOT / "config/cameras").glob("*.yaml")} <= set(sensor_names())
+
+    # The surface of the digit is what its script writes
+    script = shutil.copy(ROOT / "config/sensors/make_digit.py", tmp_path)
+    runpy.run_path(script, run_name="__main__")
+    new, shipped = (meshio.read(folder / "digit.stl") for folder in (tmp_path, ROOT / "config/sensors"))
+    assert np.array_equal(new.points, shipped.points)
+    assert np.allclose([np.ptp(new.points, axis=0)], [[18.4, 25.0, 4.07]], atol=1e-5)
+
+    # A cut through a box is its rectangle
+    (box,) = block_solids(Block(4.0, 6.0, (("gel", 3.0),), 0.0)).surfaces
+    (loop,) = section_loops(box, 1, 2.0)
+    x, z = loop[:, 0], loop[:, 2]
+    assert np.allclose(loop[:, 1], 2.0)
+    assert abs(np.dot(x, np.roll(z, 1)) - np.dot(z, np.roll(x, 1))) / 2 == pytest.approx(12.0)
 
 
 @pytest.mark.parametrize("sensor", sensor_names())
@@ -93,22 +108,6 @@ def test_an_unknown_sensor_is_answered_with_the_nearest(empty_folder, capsys, gi
         f"{given!r} is no sensor that is shipped; did you mean {near}? there are" in capsys.readouterr().err
     )
     assert not list(empty_folder.iterdir())
-
-
-def test_the_surface_of_the_digit_is_what_its_script_writes(tmp_path):
-    script = shutil.copy(ROOT / "config/sensors/make_digit.py", tmp_path)
-    runpy.run_path(script, run_name="__main__")
-    new, shipped = (meshio.read(folder / "digit.stl") for folder in (tmp_path, ROOT / "config/sensors"))
-    assert np.array_equal(new.points, shipped.points)
-    assert np.allclose([np.ptp(new.points, axis=0)], [[18.4, 25.0, 4.07]], atol=1e-5)
-
-
-def test_a_cut_through_a_box_is_its_rectangle():
-    (box,) = block_solids(Block(4.0, 6.0, (("gel", 3.0),), 0.0)).surfaces
-    (loop,) = section_loops(box, 1, 2.0)
-    x, z = loop[:, 0], loop[:, 2]
-    assert np.allclose(loop[:, 1], 2.0)
-    assert abs(np.dot(x, np.roll(z, 1)) - np.dot(z, np.roll(x, 1))) / 2 == pytest.approx(12.0)
 
 
 def test_the_picture_names_sizes_layers_and_stiffness(empty_folder):

@@ -45,7 +45,8 @@ def test_one_row_per_press_with_means_of_its_readings_at_depth(recorded, tmp_pat
     )
 
 
-def test_rmse_gt_equals_a_naive_loop(recorded):
+def test_rmse_gt_equals_a_naive_loop_and_needs_no_images_or_failed_cells(recorded):
+    # Rmse gt equals a naive loop
     table = agreement_table(recorded.readings, recorded.cells)
     rmse = rmse_gt_table(table, {"day1": [0.03, 0.03, 0.06], "day2": [0.01, 0.01, 0.1]})
     for session in ("all", "day1", "day2"):
@@ -60,8 +61,7 @@ def test_rmse_gt_equals_a_naive_loop(recorded):
             assert found["presses"] == len(squares)
     assert list(rmse[rmse["session"] == "all"]["ft_resolution_N"]) == [0.03, 0.03, 0.1]  # the coarsest
 
-
-def test_images_are_not_needed_and_failed_cells_left_out(recorded):
+    # Images are not needed and failed cells left out
     path = recorded.readings["day1"]
     write_product_table(path, pd.read_csv(path).assign(image=""))
     assert len(agreement_table({"day1": path}, recorded.cells)) > 0

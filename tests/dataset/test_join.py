@@ -77,7 +77,11 @@ def test_every_image_has_its_row_with_label_features_and_readings(made):
     assert (rows["feature"][untouched, :16] > 0).any(axis=1).all()
 
 
-def test_shards_of_chunks_are_the_whole_in_parts(made):
+def test_the_same_inputs_give_the_same_bytes_in_chunks_and_in_any_order(made):
+    # The same inputs give the same bytes
+    assert made.join("a.h5").read_bytes() == made.join("b.h5").read_bytes()
+
+    # Shards of chunks are the whole in parts
     whole = rows_of(made.join("whole.h5"), "cell", "feature")
     parts = [rows_of(made.join(f"part{i}.h5", made.names[i::2]), "cell", "feature") for i in range(2)]
     assert sorted(whole["cell"]) == sorted(np.concatenate([part["cell"] for part in parts]))
@@ -85,9 +89,13 @@ def test_shards_of_chunks_are_the_whole_in_parts(made):
         chosen = np.isin(whole["cell"], made.names[first::2])
         np.testing.assert_array_equal(part["feature"], whole["feature"][chosen])
 
-
-def test_the_same_inputs_give_the_same_bytes(made):
-    assert made.join("a.h5").read_bytes() == made.join("b.h5").read_bytes()
+    # Reading keeps the order asked for
+    rows = ShardDataset([made.join("a.h5", made.names[:4]), made.join("b.h5", made.names[4:])])
+    everything = rows.read(np.arange(len(rows)), ["cell", "image", "feature"])
+    index = np.random.default_rng(0).integers(0, len(rows), 50)  # with repetitions
+    some = rows.read(index, ["cell", "image", "feature"])
+    for name in some:
+        np.testing.assert_array_equal(some[name], everything[name][index])
 
 
 def test_rows_in_any_order_are_joined(made):
@@ -113,14 +121,6 @@ def test_labels_only_without_sessions(tmp_path):
     assert (rows.read(np.arange(len(rows)), ["depth_mm"])["depth_mm"] == np.tile(DEPTHS, len(names))).all()
     with pytest.raises(DatasetError, match="labels only"):
         rows.read(np.arange(2), ["feature"])
-
-
-def test_a_failed_cell_is_left_out_by_name(made):
-    failed = made.names[4]
-    write_cells(made.study, made.folder, failed=[failed])
-    path = made.join()
-    assert shard_attributes(path)["failed_cells"] == {failed: "no equilibrium at 1 mm"}
-    assert set(rows_of(path, "cell")["cell"]) == set(made.names) - {failed}
 
 
 # ------------------------------------------------------------------------------------------ what stops it
@@ -267,7 +267,8 @@ def test_inputs_that_do_not_fit_are_refused(made, name):
         made.join()
 
 
-def test_an_error_leaves_the_old_shard(made):
+def test_an_error_leaves_the_old_shard_and_a_failed_cell_is_left_out_by_name(made):
+    # An error leaves the old shard
     path = made.join()
     before = path.read_bytes()
     made.cells["x2_y2"].unlink()
@@ -275,6 +276,13 @@ def test_an_error_leaves_the_old_shard(made):
         made.join()
     assert path.read_bytes() == before
     assert os.listdir(path.parent) == [path.name]
+
+    # A failed cell is left out by name
+    failed = made.names[4]
+    write_cells(made.study, made.folder, failed=[failed])
+    path = made.join()
+    assert shard_attributes(path)["failed_cells"] == {failed: "no equilibrium at 1 mm"}
+    assert set(rows_of(path, "cell")["cell"]) == set(made.names) - {failed}
 
 
 # ----------------------------------------------------------------------------------- memory, workers, origin
@@ -321,15 +329,6 @@ def test_rows_are_read_in_worker_processes(made, tmp_path):
     script = tmp_path / "read_in_worker.py"
     script.write_text(READ_IN_WORKER)
     subprocess.run([sys.executable, str(script), str(made.join())], check=True, timeout=60)
-
-
-def test_reading_keeps_the_order_asked_for(made):
-    rows = ShardDataset([made.join("a.h5", made.names[:4]), made.join("b.h5", made.names[4:])])
-    everything = rows.read(np.arange(len(rows)), ["cell", "image", "feature"])
-    index = np.random.default_rng(0).integers(0, len(rows), 50)  # with repetitions
-    some = rows.read(index, ["cell", "image", "feature"])
-    for name in some:
-        np.testing.assert_array_equal(some[name], everything[name][index])
 
 
 def test_lineage_units_and_descriptions_are_stored(made):

@@ -83,7 +83,8 @@ def features_of(study, folder, session, presses):
 
 
 # --------------------------------------------------------------------------------- age and temperature
-def test_a_session_changes_the_study_only_by_what_it_states_and_the_study_feels(tmp_path):
+def test_a_session_changes_what_the_study_feels_and_keeps_its_time_stamps(tmp_path):
+    # A session changes the study only by what it states and the study feels
     ageing = study_here(tmp_path, [], **AGEING)
 
     def stated(study, **keys):
@@ -96,6 +97,20 @@ def test_a_session_changes_the_study_only_by_what_it_states_and_the_study_feels(
     assert own.ageing_per_day == AGEING["ageing_per_day"]
     plain = study_here(tmp_path, [], ageing_per_day={"gel": 0.0})
     assert stated(plain, sensor_age_days=AGE, temperature_C=30.0) is plain
+
+    # Time stamps are kept where materials relax. Rows of a press: load at 2 s, dwell at 3 and 4 s at 0.5 mm; the
+    # way down at 0.5 mm/s is before the first of them
+    branch = {"relative_moduli": [0.5], "times_s": [1.0]}
+    timing = {"speed_mm_per_s": 0.5, "step_mm": 0.25}
+    history = {"mullins": {"gel": SOFT}, "viscoelastic": {"gel": branch}, "timing": timing}
+    study = study_here(tmp_path, ["one"], history=history)
+    first, second = presses_of(study, tmp_path, "one", [("x1_y0", 0.5), ("x0_y0", 0.25)])
+    assert (first.name, first.cell, first.depth_mm) == ("p0", "x1_y0", 0.5)
+    assert first.path.depths_mm == (0.25, 0.5, 0.5, 0.5)
+    assert first.path.phases == ("load", "load", "dwell", "dwell")
+    assert first.path.times_s == pytest.approx((0.5, 1.0, 2.0, 3.0))
+    assert second.path.times_s == pytest.approx((0.5, 1.5, 2.5))
+    assert (second.path.x_mm, second.path.y_mm) == (6.5, 6.5)
 
 
 def test_labels_of_a_session_are_those_of_its_age(tmp_path, monkeypatch):
@@ -325,18 +340,3 @@ def test_what_is_missing_or_no_number_becomes_no_label(pressed, tmp_path, monkey
     with pytest.raises(CellError, match="indentation p0: 1 of 300 numbers of bin_force_N are not finite"):
         presses_in_order.press_in_order(study, LAWS, {}, presses, "deep_first", tmp_path / "presses.h5")
     assert not (tmp_path / "presses.h5").exists()
-
-
-def test_time_stamps_are_kept_where_materials_relax(tmp_path):
-    """Rows of a press: load at 2 s, dwell at 3 and 4 s at 0.5 mm; the way down at 0.5 mm/s is before the first of them."""
-    branch = {"relative_moduli": [0.5], "times_s": [1.0]}
-    timing = {"speed_mm_per_s": 0.5, "step_mm": 0.25}
-    history = {"mullins": {"gel": SOFT}, "viscoelastic": {"gel": branch}, "timing": timing}
-    study = study_here(tmp_path, ["one"], history=history)
-    first, second = presses_of(study, tmp_path, "one", [("x1_y0", 0.5), ("x0_y0", 0.25)])
-    assert (first.name, first.cell, first.depth_mm) == ("p0", "x1_y0", 0.5)
-    assert first.path.depths_mm == (0.25, 0.5, 0.5, 0.5)
-    assert first.path.phases == ("load", "load", "dwell", "dwell")
-    assert first.path.times_s == pytest.approx((0.5, 1.0, 2.0, 3.0))
-    assert second.path.times_s == pytest.approx((0.5, 1.5, 2.5))
-    assert (second.path.x_mm, second.path.y_mm) == (6.5, 6.5)

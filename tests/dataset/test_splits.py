@@ -112,7 +112,8 @@ def test_no_mirror_image_of_a_trained_place_is_tested_where_positions_scatter(pl
         assert apart == pytest.approx(nearest_mm(xy[k], xy[~tests], sensor())[0])
 
 
-def test_near_positions_and_mirror_images_are_one_orbit():
+def test_near_positions_and_images_are_one_orbit_and_the_spacing_that_meant():
+    # Near positions and mirror images are one orbit
     line = plan_of([(10.0, 5.0), (10.02, 5.0), (10.04, 5.0), (10.061, 5.0)], within=0.02)
     assert list(orbits(line, sensor()).values()) == ["c0", "c0", "c0", "c3"]
 
@@ -123,9 +124,8 @@ def test_near_positions_and_mirror_images_are_one_orbit():
     deeper = {"deep": PlannedCell("deep", 4.0, 10.0, (2.0,))}
     assert orbits(planned | deeper, sensor())["deep"] == "c0"
 
-
-def test_the_usual_spacing_is_that_of_the_positions_meant():
-    """A grid states its own; near positions that count as several do not make it small."""
+    # The usual spacing is that of the positions meant. A grid states its own; near positions that count as several
+    # do not make it small
     planned = plan_of(GRID)
     split, _ = planned_split(planned, sensor(), 0.2, 0)
     assert separation(planned, split, sensor()).spacing_mm == pytest.approx(5.0)

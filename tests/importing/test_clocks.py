@@ -51,10 +51,21 @@ def test_force_clock_is_found(tmp_path, lab, keys):
         assert abs(lag_at(found.force_clock, at) - true) < LAG_S
 
 
-def test_camera_clock_is_found(tmp_path):
+def test_camera_clock_is_found_and_stamps_of_other_frames_are_refused(tmp_path):
+    # Camera clock is found
     lab = replace(LAB, fps=27.0)
     found = imported(tmp_path, lab, MAPPING + CAMERA)
     assert abs(found.camera_clock.lag_s - lab.camera_lag_s) < LAG_S
+
+    # Stamps of other frames are refused
+    dropped = tmp_path / "dropped"
+    lab = replace(LAB, presses=3, fps=20.0)
+    generate(dropped, lab)
+    stamps = (dropped / "film.csv").read_text().splitlines()
+    (dropped / "film.csv").write_text("\n".join(stamps[:-7]) + "\n")
+    (dropped / "mapping.yaml").write_text(MAPPING + CAMERA)
+    with pytest.raises(ImportingError, match=r"stamps for .* frames of .*: frames were dropped"):
+        import_logs(dropped / "mapping.yaml", "s1")
 
 
 def test_repeating_presses_need_a_rest_at_the_ends(tmp_path):
@@ -71,16 +82,6 @@ def test_repeating_presses_need_a_rest_at_the_ends(tmp_path):
     found = imported(tmp_path, replace(REPEATED, presses=8))
     assert len(found.presses.kept) == 8
     assert abs(found.force_clock.lag_s - REPEATED.force_lag_s) < LAG_S
-
-
-def test_stamps_of_other_frames_are_refused(tmp_path):
-    lab = replace(LAB, presses=3, fps=20.0)
-    generate(tmp_path, lab)
-    stamps = (tmp_path / "film.csv").read_text().splitlines()
-    (tmp_path / "film.csv").write_text("\n".join(stamps[:-7]) + "\n")
-    (tmp_path / "mapping.yaml").write_text(MAPPING + CAMERA)
-    with pytest.raises(ImportingError, match=r"stamps for .* frames of .*: frames were dropped"):
-        import_logs(tmp_path / "mapping.yaml", "s1")
 
 
 CONTRADICTIONS = {

@@ -120,8 +120,8 @@ def test_a_table_of_several_topics_has_rows_without_the_others(logs, read, nothi
         np.testing.assert_allclose(one.time_s, other.time_s, atol=2e-6)
 
 
-def test_a_row_that_lacks_values_is_refused(logs, read):
-    """Dropped, it would move all readings after it."""
+def test_a_row_that_lacks_values_and_a_date_of_another_form_are_refused(logs, read):
+    # A row that lacks values is refused. Dropped, it would move all readings after it
     counted = ("file: stage.csv\n  time: {column: t_ms, unit: ms}", "file: ft.csv\n  rate_hz: 100")
     with pytest.raises(TableError, match="X is nothing"):
         read(both_logs(logs), counted)
@@ -133,6 +133,15 @@ def test_a_row_that_lacks_values_is_refused(logs, read):
     lines[k] = ",".join([cells[0], "", *cells[2:]])
     with pytest.raises(TableError, match=rf"row {k + 1}: Fx is nothing"):
         read("\n".join(lines), STAGE)
+
+    # A date of another form names the key and the form
+    ft = "\n".join(["Time,Fx,Fy,Fz", *stamped(logs, date("%m/%d/%Y %I:%M:%S.%f %p"))])
+    with pytest.raises(
+        ImportingError, match=r"no date .* set force\.time\.format \('%m/%d/%Y %I:%M:%S\.%f %p' fits\)"
+    ):
+        read(ft, (TIME, "time: {column: Time, unit: iso}"))
+    with pytest.raises(ImportingError, match=r"row 2: .*not of the format '%d\.%m\.%Y'"):
+        read(ft, (TIME, "time: {column: Time, format: '%d.%m.%Y'}"))
 
 
 def stamped(logs, text):
@@ -188,16 +197,6 @@ def test_a_time_of_day_under_a_header_with_a_unit(logs, read, header):
     other = "\n".join(["Clock (N),Fx,Fy,Fz", *text])
     with pytest.raises(ImportingError, match=r"says N, force\.time\.unit says h:mm:ss"):
         read(other, (TIME, "time: {column: Clock (N), unit: 'h:mm:ss'}"))
-
-
-def test_a_date_of_another_form_names_the_key_and_the_form(logs, read):
-    ft = "\n".join(["Time,Fx,Fy,Fz", *stamped(logs, date("%m/%d/%Y %I:%M:%S.%f %p"))])
-    with pytest.raises(
-        ImportingError, match=r"no date .* set force\.time\.format \('%m/%d/%Y %I:%M:%S\.%f %p' fits\)"
-    ):
-        read(ft, (TIME, "time: {column: Time, unit: iso}"))
-    with pytest.raises(ImportingError, match=r"row 2: .*not of the format '%d\.%m\.%Y'"):
-        read(ft, (TIME, "time: {column: Time, format: '%d.%m.%Y'}"))
 
 
 @pytest.mark.parametrize(
@@ -283,7 +282,8 @@ def picture(path, level=90, turned=None):
     image.save(path, exif=exif)
 
 
-def test_frames_are_sorted_by_their_numbers(tmp_path):
+def test_frames_are_in_the_order_of_their_numbers(tmp_path):
+    # Frames are sorted by their numbers
     for k in range(1, 13):
         picture(tmp_path / f"frame_{k}.png", 10 * k)
     assert [int(frame.image[0, 0]) for frame in frames(tmp_path)] == [10 * k for k in range(1, 13)]
@@ -303,6 +303,22 @@ def test_frames_are_sorted_by_their_numbers(tmp_path):
             picture(tmp_path / folder / f"{name}.png")
         assert [path.stem for path in images_in(tmp_path / folder)] == names
 
+    # Unpadded frames of an import are in their order
+    unpadded = tmp_path / "unpadded"
+    unpadded.mkdir()
+    from gelforge.config.foreign.importing import CameraSource
+    from gelforge.importing.camera import read_film
+
+    for k in range(1, 31):
+        cv2.imwrite(str(unpadded / f"f{k}.png"), np.full((20, 30), 3 * k, np.uint8))
+    film = read_film(unpadded, CameraSource(frames=".", rate_hz=10))
+    assert film.names == [f"f{k}.png" for k in range(1, 31)] and (np.diff(film.change) > 0).all()
+    named = CameraSource(frames=".", from_name=r"f(\d+)", name_unit="s")
+    np.testing.assert_allclose(read_film(unpadded, named).time_s, np.arange(30))
+    picture(unpadded / "f31.jpg", turned=6)
+    with pytest.raises(RecordingError, match=r"f31\.jpg: EXIF orientation 6"):
+        read_film(unpadded, named)
+
 
 @pytest.mark.parametrize("suffix", ["jpg", "tif", "png"])
 @pytest.mark.parametrize("turned", [3, 6, 8])
@@ -313,18 +329,3 @@ def test_an_exif_orientation_is_refused_by_name(tmp_path, suffix, turned):
     for upright in (None, 1):
         picture(tmp_path / f"b.{suffix}", turned=upright)
         assert image_size(tmp_path / f"b.{suffix}") == (30, 20)
-
-
-def test_unpadded_frames_of_an_import_are_in_their_order(tmp_path):
-    from gelforge.config.foreign.importing import CameraSource
-    from gelforge.importing.camera import read_film
-
-    for k in range(1, 31):
-        cv2.imwrite(str(tmp_path / f"f{k}.png"), np.full((20, 30), 3 * k, np.uint8))
-    film = read_film(tmp_path, CameraSource(frames=".", rate_hz=10))
-    assert film.names == [f"f{k}.png" for k in range(1, 31)] and (np.diff(film.change) > 0).all()
-    named = CameraSource(frames=".", from_name=r"f(\d+)", name_unit="s")
-    np.testing.assert_allclose(read_film(tmp_path, named).time_s, np.arange(30))
-    picture(tmp_path / "f31.jpg", turned=6)
-    with pytest.raises(RecordingError, match=r"f31\.jpg: EXIF orientation 6"):
-        read_film(tmp_path, named)

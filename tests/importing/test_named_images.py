@@ -56,7 +56,8 @@ def mapping(folder, names=NAMES, **images):
     return path
 
 
-def test_a_folder_of_images_alone_becomes_a_session(folder, capsys):
+def test_a_folder_of_images_becomes_a_session_and_a_returning_depth_an_indentation(folder, capsys):
+    # A folder of images alone becomes a session
     assert main(["import", str(mapping(folder)), "--out", str(folder / "recordings" / "monday")]) == 0
     assert "12 readings, 9 images" in capsys.readouterr().out
     session = read_recording(folder / "recordings" / "monday")
@@ -70,6 +71,14 @@ def test_a_folder_of_images_alone_becomes_a_session(folder, capsys):
         copy = folder / "recordings" / "monday" / "images" / name
         assert copy.read_bytes() == (folder / "pictures" / name).read_bytes()
     assert (folder / "recordings" / "monday" / "reference.png").is_file()
+
+    # A depth that returns is the next indentation
+    for path in sorted((folder / "pictures").glob("x10*.png")):
+        again = path.stem.rpartition("_")[0] + "_f-1.5.png"
+        path.with_name(again).write_bytes(path.read_bytes())
+    table = named_readings(folder, load_names(mapping(folder)).images)
+    assert table[table["x_mm"] == 10]["press"].nunique() == 2
+    assert table.groupby("press")["depth_mm"].apply(list).map(lambda d: d == list(DEPTHS)).all()
 
 
 def test_units_other_quantities_and_anything(folder):
@@ -104,15 +113,6 @@ def test_times_tell_indentations_and_unloading(folder):
     )
     assert list(table["press"]) == ["p0001"] * 4 + ["p0002"] * 2 + ["p0003"]
     assert list(table["time_s"]) == list(range(7))
-
-
-def test_a_depth_that_returns_is_the_next_indentation(folder):
-    for path in sorted((folder / "pictures").glob("x10*.png")):
-        again = path.stem.rpartition("_")[0] + "_f-1.5.png"
-        path.with_name(again).write_bytes(path.read_bytes())
-    table = named_readings(folder, load_names(mapping(folder)).images)
-    assert table[table["x_mm"] == 10]["press"].nunique() == 2
-    assert table.groupby("press")["depth_mm"].apply(list).map(lambda d: d == list(DEPTHS)).all()
 
 
 @pytest.mark.parametrize(

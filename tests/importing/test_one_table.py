@@ -68,7 +68,8 @@ def mapping(folder, **changes):
     return folder / "log.yaml"
 
 
-def test_ramps_are_read_at_the_depths_of_the_mapping(tmp_path):
+def test_ramps_are_read_at_the_depths_of_the_mapping_wherever_the_log_lies(tmp_path):
+    # Ramps are read at the depths of the mapping
     write(tmp_path)
     found = import_logs(mapping(tmp_path), "s1")
     (tmp_path / "s1").mkdir()
@@ -89,15 +90,17 @@ def test_ramps_are_read_at_the_depths_of_the_mapping(tmp_path):
             np.testing.assert_allclose(-phase["fz_N"], true, atol=0.02)
             np.testing.assert_allclose(phase["speed_mm_per_s"], SPEED, rtol=0.02)
 
+    # A log elsewhere is named
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "logs").mkdir()
+    write(elsewhere / "logs")
+    assert len(import_logs(mapping(elsewhere), "s1", elsewhere / "logs").table) == len(import_logs(
+        mapping(elsewhere / "logs"), "s1").table)  # fmt: skip
 
-def test_a_log_elsewhere_is_named(tmp_path):
-    (tmp_path / "logs").mkdir()
-    write(tmp_path / "logs")
-    assert len(import_logs(mapping(tmp_path), "s1", tmp_path / "logs").table) == len(import_logs(
-        mapping(tmp_path / "logs"), "s1").table)  # fmt: skip
 
-
-def test_gaps_between_presses_need_a_lag_and_gaps_in_them_are_refused(tmp_path):
+def test_gaps_and_scattered_contact_points_need_a_key(tmp_path):
+    # Gaps between presses need a lag and gaps in them are refused
     write(tmp_path)
     whole = yaml.safe_load(mapping(tmp_path).read_text())
     del whole["force"]["lag_s"]
@@ -110,12 +113,13 @@ def test_gaps_between_presses_need_a_lag_and_gaps_in_them_are_refused(tmp_path):
         import_logs(mapping(tmp_path), "s1")
     assert len(import_logs(mapping(tmp_path, skip=[3]), "s1").zero_mm) == 3
 
-
-def test_contact_points_of_a_noisy_force_are_pooled_within_a_stated_distance(tmp_path):
-    write(tmp_path, scatter=0.15)
+    # Contact points of a noisy force are pooled within a stated distance
+    scattered = tmp_path / "scattered"
+    scattered.mkdir()
+    write(scattered, scatter=0.15)
     with pytest.raises(ImportingError, match="contact points lie up to .* the limit is 0.1 mm"):
-        import_logs(mapping(tmp_path), "s1")
-    found = import_logs(mapping(tmp_path, contact_within_mm=0.5), "s1")
+        import_logs(mapping(scattered), "s1")
+    found = import_logs(mapping(scattered, contact_within_mm=0.5), "s1")
     assert found.session.depth_zero.press_scatter_mm == pytest.approx(
         found.contacts["contact_mm"].std(), rel=0.1
     )

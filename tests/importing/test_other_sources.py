@@ -54,7 +54,8 @@ def pose(k, frame="base"):
     return {"header": {"frame_id": frame}, "pose": {"position": {"x": 0.01, "y": 0.0, "z": 0.03 - k * 1e-4}}}
 
 
-def test_fields_of_mcap_messages(tmp_path):
+def test_fields_of_mcap_messages_are_read_and_spoiled_files_refused(tmp_path, monkeypatch):
+    # Fields of mcap messages
     mcap(
         tmp_path / "run.mcap", {"/ft": [wrench(k) for k in range(30)], "/pose": [pose(k) for k in range(30)]}
     )
@@ -65,6 +66,24 @@ def test_fields_of_mcap_messages(tmp_path):
     moves = read_stage(tmp_path, stage, force)
     assert moves.values[2] == pytest.approx([10.0, 2.0, -29.8])
     assert log.start_s - moves.start_s == pytest.approx(0.25, abs=1e-6)
+
+    # Files that cannot be opened
+    spoiled = tmp_path / "spoiled"
+    spoiled.mkdir()
+    mcap(spoiled / "run.mcap", {"/ft": [wrench(k) for k in range(60)]})
+    whole = (spoiled / "run.mcap").read_bytes()
+    (spoiled / "run.mcap").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ImportingError, match=r"run\.mcap: .*mcap recover"):
+        read_force(spoiled, ForceSource(**FORCE), StageSource(**STAGE))
+
+    # A library that is not installed
+    (spoiled / "run.bag").write_bytes(b"#ROSBAG V2.0\n")
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    source = ForceSource(**(FORCE | {"file": "run.bag"}))
+    with pytest.raises(
+        ImportingError, match=r'rosbags is needed and not installed .*pip install "gelforge\[bags\]"'
+    ):
+        read_force(spoiled, source, StageSource(**STAGE))
 
 
 @pytest.mark.parametrize(
@@ -91,23 +110,6 @@ def test_messages_that_cannot_be_meant(tmp_path, change, said):
     assert "\n" not in str(error.value)
     log = read_force(tmp_path, ForceSource(**(FORCE | {"frame_id": "tool"})), stage)
     assert log.values[1] == pytest.approx([0.3, 0, -3])
-
-
-def test_files_that_cannot_be_opened(tmp_path, monkeypatch):
-    mcap(tmp_path / "run.mcap", {"/ft": [wrench(k) for k in range(60)]})
-    whole = (tmp_path / "run.mcap").read_bytes()
-    (tmp_path / "run.mcap").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ImportingError, match=r"run\.mcap: .*mcap recover"):
-        read_force(tmp_path, ForceSource(**FORCE), StageSource(**STAGE))
-
-    # A library that is not installed
-    (tmp_path / "run.bag").write_bytes(b"#ROSBAG V2.0\n")
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    source = ForceSource(**(FORCE | {"file": "run.bag"}))
-    with pytest.raises(
-        ImportingError, match=r'rosbags is needed and not installed .*pip install "gelforge\[bags\]"'
-    ):
-        read_force(tmp_path, source, StageSource(**STAGE))
 
 
 @pytest.mark.parametrize("kind", ["ros1", "ros2"])

@@ -45,8 +45,9 @@ def test_presses_and_contact_points(tmp_path, lab, seed):
     assert np.abs(contacts["touch_s"] - truth.touch_s).max() < 0.05  # 1 mm/s: 0.05 mm
 
 
-def test_intervals_are_no_wider_than_the_force_says():
-    """A ramp with a hundredth of the noise is known better, and the interval says so."""
+def test_contact_points_are_as_sure_as_the_force_and_equal_readings_are_one_wait():
+    # Intervals are no wider than the force says. A ramp with a hundredth of the noise is known better, and the
+    # interval says so
     rng = np.random.default_rng(0)
     travel = np.linspace(-0.6, 1.0, 600)
     force = np.maximum(travel, 0) ** 1.5
@@ -55,9 +56,8 @@ def test_intervals_are_no_wider_than_the_force_says():
     assert abs(fine.travel_mm) < 0.005
     assert coarse.low_mm <= 0 <= coarse.high_mm
 
-
-def test_equal_readings_at_depth_are_one_wait():
-    """An encoder in steps reads the deepest value twice with another between: one excursion, one wait."""
+    # Equal readings at depth are one wait. An encoder in steps reads the deepest value twice with another between:
+    # one excursion, one wait
     time = np.arange(0, 8, 0.03)
     travel = np.interp(time, [0, 1, 4, 6, 7, 8], [-2, -2, 0.8, 0.8, -2, -2])
     deep = np.flatnonzero(travel == 0.8)
@@ -68,7 +68,8 @@ def test_equal_readings_at_depth_are_one_wait():
     assert [round(wait.travel_mm, 2) for wait in found[0].waits] == [-2.0, 0.8, -2.0]
 
 
-def test_motions_without_force_are_no_presses(tmp_path):
+def test_motions_without_force_are_no_presses_and_unknown_ones_cannot_be_skipped(tmp_path):
+    # Motions without force are no presses
     def lifted(table):
         """Add a motion of 1.5 mm towards the gel that ends above it, in the rest at the end."""
         high = table["Z"].max()
@@ -79,6 +80,11 @@ def test_motions_without_force_are_no_presses(tmp_path):
     _, found = imported(tmp_path, replace(LAB, lead_s=3.0, fault={"stage": lifted}))
     assert len(found.presses.kept) == LAB.presses
     assert len(found.presses.untouched_s) == 1
+
+    # An unknown press cannot be skipped
+    unknown = tmp_path / "unknown"
+    with pytest.raises(ImportingError, match=r"skip names \[9\], there are indentations 1 to 6"):
+        imported(unknown, LAB, MAPPING + "skip: [9]\n")
 
 
 def slipping(t, push, number):
@@ -129,8 +135,3 @@ def test_depth_zero_agrees_with_the_force(tmp_path):
         imported(tmp_path, LAB, MAPPING.replace("depth_zero: session", "depth_zero: {at_mm: 31.8}"))
     _, found = imported(tmp_path, LAB, MAPPING.replace("depth_zero: session", "depth_zero: {at_mm: 31.37}"))
     assert np.allclose(found.zero_mm, -31.37)
-
-
-def test_an_unknown_press_cannot_be_skipped(tmp_path):
-    with pytest.raises(ImportingError, match=r"skip names \[9\], there are indentations 1 to 6"):
-        imported(tmp_path, LAB, MAPPING + "skip: [9]\n")

@@ -199,18 +199,20 @@ def test_samples_that_cannot_be_meant(tmp_path, change, said):
         written("feats", tmp_path, tmp_path)
 
 
-def test_an_array_without_names(tmp_path):
+def test_arrays_of_another_set_are_refused(tmp_path):
+    # An array without names
     np.save(tmp_path / "a.npy", np.zeros((3, 3)))
     with pytest.raises(ImportingError, match=r"holds one array \(3, 3\) and not named ones"):
         written("feats", tmp_path, tmp_path)
 
-
-def test_a_folder_of_another_set(tmp_path):
-    np.savez(tmp_path / "a.npz", forces=np.zeros(3))
+    # A folder of another set
+    other = tmp_path / "other"
+    other.mkdir()
+    np.savez(other / "a.npz", forces=np.zeros(3))
     with pytest.raises(
         ImportingError, match=r"no gs_img, f_x, f_y, f_z among forces; name the folder of samples"
     ):
-        written("feats", tmp_path, tmp_path)
+        written("feats", other, other)
 
 
 def test_a_table_by_its_columns(tmp_path, capsys):

@@ -139,7 +139,8 @@ def test_mappings_that_leave_something_open(tmp_path, old, new, said):
     assert "\n" not in str(error.value)
 
 
-def test_the_documented_mapping_is_short_and_valid(tmp_path):
+def test_the_documented_mapping_and_the_layouts_of_makers_are_read(tmp_path):
+    # The documented mapping is short and valid
     page = (Path(__file__).parents[2] / "docs" / "importing.md").read_text(encoding="utf-8")
     block = page.split("    describes:")[1].split("\n\n")[0]
     lines = ("    describes:" + block).splitlines()
@@ -147,9 +148,8 @@ def test_the_documented_mapping_is_short_and_valid(tmp_path):
     (tmp_path / "mapping.yaml").write_text("\n".join(line[4:] for line in lines))
     assert load_import(tmp_path / "mapping.yaml").camera.video == "film.avi"
 
-
-def test_layouts_of_makers(tmp_path):
-    """Semicolons and decimal commas, lines above the header, a line of units, dates, milliseconds of a day."""
+    # Layouts of makers. Semicolons and decimal commas, lines above the header, a line of units, dates, milliseconds
+    # of a day
     rows = [f"{9.81 + 0.004 * k:.3f};0,1{k % 10};-0,5;{k % 7},25".replace(".", ",") for k in range(30)]
     (tmp_path / "optoforce.csv").write_text(
         "Sensor: HEX-E\nRate: 250\nTime;Fx;Fy;Fz\ns;N;N;N\n" + "\n".join(rows)

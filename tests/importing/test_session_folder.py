@@ -23,7 +23,8 @@ def session(tmp_path_factory):
     return folder / "s1", truth
 
 
-def test_the_session_is_accepted_and_its_page_shows_the_contacts(session):
+def test_the_session_is_accepted_and_its_page_and_images_show_the_contacts(session):
+    # The session is accepted and its page shows the contacts
     folder, truth = session
     recording = read_recording(folder)
     assert [line for line in recording.findings.lines("error", "excluded")] == []
@@ -44,9 +45,8 @@ def test_the_session_is_accepted_and_its_page_shows_the_contacts(session):
     found = pd.read_csv(folder / "import.csv")
     assert np.abs(found["contact_mm"] - truth.contact_z_mm).max() < 0.04
 
-
-def test_images_show_their_depth(session):
-    """A frame of a wait differs from the reference by more where the press is deeper, a zero frame by noise."""
+    # Images show their depth. A frame of a wait differs from the reference by more where the press is deeper, a
+    # zero frame by noise
     folder, _ = session
     table = pd.read_csv(folder / "indentations.csv", keep_default_na=False)
     reference = cv2.imread(str(folder / "reference.png"), 0).astype(float)

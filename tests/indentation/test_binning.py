@@ -87,7 +87,8 @@ def layered_area(mesh):
     return area[mesh.surface.nodes[mesh.surface.top]]
 
 
-def test_node_rule_gives_a_node_on_an_edge_to_both_bins():
+def test_nodes_on_edges_triangles_and_bin_points_are_in_their_bins():
+    # Node rule gives a node on an edge to both bins
     X = np.array([[0.0, 0.0], [0.5, 0.7], [1.6 - 1e-13, 0.7], [1.6, 1.5], [8.0, 6.0]])
     surface = SimpleNamespace(nodes=np.arange(5), top=np.ones(5, bool))
     shares = node_shares(SimpleNamespace(X=X, surface=surface), SENSOR).toarray()
@@ -98,9 +99,8 @@ def test_node_rule_gives_a_node_on_an_edge_to_both_bins():
     expected[-1, 4] = 1
     assert_allclose(shares, expected)
 
-
-def test_six_node_triangles_fill_the_bins_that_they_lie_in():
-    """A rectangle of two, over x 4 to 8 and y 0 to 2 mm of a sensor with bins of 2 mm: bins 2 and 3 of the first row."""
+    # Six node triangles fill the bins that they lie in. A rectangle of two, over x 4 to 8 and y 0 to 2 mm of a
+    # sensor with bins of 2 mm: bins 2 and 3 of the first row
     corner = np.array([[4.0, 0, 0], [8, 0, 0], [8, 2, 0], [4, 2, 0]])
     halves = [(0, 1, 2), (0, 2, 3)]
     sides = sorted({tuple(sorted((f[k], f[(k + 1) % 3]))) for f in halves for k in range(3)})
@@ -116,8 +116,7 @@ def test_six_node_triangles_fill_the_bins_that_they_lie_in():
     left = X[:, 0] == 4.0  # their shape functions lie between x = 4 and 6 for the most part
     assert (share[[2]].toarray()[0, left] > 0.5).all()
 
-
-def test_bin_points_count_x_first_and_dust_becomes_zeros():
+    # Bin points count x first and dust becomes zeros
     points = bin_points(SENSOR.model_copy(update={"bins": Bins(nx=4, ny=3)}))
     assert points.shape == (12, 3)
     assert_allclose(points[[0, 1, 4, 11]], [[1, 1, 0], [3, 1, 0], [1, 3, 0], [7, 5, 0]])

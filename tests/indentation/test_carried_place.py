@@ -60,8 +60,9 @@ def middles(bins):
     return np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
 
 
-def test_forces_move_with_the_press():
-    """Far from the walls the force keeps its size and its centre moves as the press does; so do the gel's displacements."""
+def test_forces_and_gel_move_with_the_press():
+    # Forces move with the press. Far from the walls the force keeps its size and its centre moves as the press
+    # does; so do the gel's displacements
     base, found = slopes(8.0, 8.0, **FINE)
     own, pushed = base.arrays["total_force_N"][:, 2], found["x"]
     assert_allclose(pushed.total[:, 2], 0.0, atol=2e-3 * np.abs(own).max())
@@ -70,33 +71,8 @@ def test_forces_move_with_the_press():
     assert_allclose(moment[:, 0], own, rtol=0.02)
     assert_allclose(moment[:, 1], 0.0, atol=0.02 * np.abs(own).max())
 
-
-def test_walls_are_felt_as_on_meshes_of_their_own(off_middle):
-    """Against presses on meshes laid out around places to either side, whose elements are the same under the ball."""
-    _, found = off_middle
-    for name, (dx, dy) in {"x": (0.5, 0.0), "y": (0.0, 0.5)}.items():
-        ends = [
-            simulate_cell(study(**FINE), LAWS, PlannedCell("place", 10.0 + s * dx, 8.7 + s * dy, (0.3, 0.6)))
-            for s in (1, -1)
-        ]
-        expected = ends[0].arrays["total_force_N"] - ends[1].arrays["total_force_N"]
-        # Their elements at the walls are others, which changes sideways forces as much as the walls do themselves.
-        assert_allclose(found[name].total[:, 2], expected[:, 2], atol=0.12 * np.abs(expected).max())
-
-
-def test_a_turned_and_a_stretched_grid_move_every_press(off_middle):
-    """The chain rule: both move a press at (10, 8.7) mm by what its distance from the middle says."""
-    _, found = off_middle
-    away = np.array([2.0, 0.7])
-    along = np.stack([found["x"].total, found["y"].total])
-    size = np.abs(along).max()
-    assert_allclose(found["scale"].total, np.tensordot(away, along, 1), atol=0.01 * 2 * size)
-    turn = np.radians([-away[1], away[0]])
-    assert_allclose(found["yaw"].total, np.tensordot(turn, along, 1), atol=0.02 * size * np.radians(2))
-
-
-def test_the_gel_moves_with_the_press():
-    """Far from the walls u(X - d) is the displacement of a press that is moved by d: the slope is -du/dx."""
+    # The gel moves with the press. Far from the walls u(X - d) is the displacement of a press that is moved by d:
+    # the slope is -du/dx
     base, found = slopes(8.0, 8.0, depths=(0.6,), **FINE)
     nodes, u = base.arrays["gel_node_mm"], base.arrays["gel_displacement_mm"][0]
     slope = found["x"].gel[0]
@@ -111,6 +87,29 @@ def test_the_gel_moves_with_the_press():
         checked += 1
     assert checked >= 100
     assert np.abs(slope).max() > 0.2 * np.abs(u).max()
+
+
+def test_walls_turned_and_stretched_grids_move_presses_as_they_should(off_middle):
+    # Walls are felt as on meshes of their own. Against presses on meshes laid out around places to either side,
+    # whose elements are the same under the ball
+    _, found = off_middle
+    for name, (dx, dy) in {"x": (0.5, 0.0), "y": (0.0, 0.5)}.items():
+        ends = [
+            simulate_cell(study(**FINE), LAWS, PlannedCell("place", 10.0 + s * dx, 8.7 + s * dy, (0.3, 0.6)))
+            for s in (1, -1)
+        ]
+        expected = ends[0].arrays["total_force_N"] - ends[1].arrays["total_force_N"]
+        # Their elements at the walls are others, which changes sideways forces as much as the walls do themselves.
+        assert_allclose(found[name].total[:, 2], expected[:, 2], atol=0.12 * np.abs(expected).max())
+
+    # A turned and a stretched grid move every press. The chain rule: both move a press at (10, 8.7) mm by what its
+    # distance from the middle says
+    away = np.array([2.0, 0.7])
+    along = np.stack([found["x"].total, found["y"].total])
+    size = np.abs(along).max()
+    assert_allclose(found["scale"].total, np.tensordot(away, along, 1), atol=0.01 * 2 * size)
+    turn = np.radians([-away[1], away[0]])
+    assert_allclose(found["yaw"].total, np.tensordot(turn, along, 1), atol=0.02 * size * np.radians(2))
 
 
 @pytest.mark.parametrize("x", [8.0, 3.0])

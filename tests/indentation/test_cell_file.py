@@ -38,7 +38,8 @@ def path(tmp_path):
     return path
 
 
-def test_round_trip_with_units_and_of_what_is_asked_for(tmp_path, path):
+def test_round_trip_of_what_is_asked_for_in_any_order(tmp_path, path):
+    # Round trip with units and of what is asked for
     cell = invented_cell()
     write_cell(tmp_path / "a.h5", cell)
     back = read_cell(tmp_path / "a.h5")
@@ -59,23 +60,12 @@ def test_round_trip_with_units_and_of_what_is_asked_for(tmp_path, path):
         for name, data in file.items():
             assert (data.attrs["units"], data.attrs["description"]) == DATASETS[name]
 
-
-def test_the_order_of_the_arrays_changes_no_byte(path, tmp_path):
-    """Names in a set come in another order in each process, as of the bars of a mirrored cell once."""
+    # The order of the arrays changes no byte. Names in a set come in another order in each process, as of the bars
+    # of a mirrored cell once
     cell = read_cell(path)
     write_cell(tmp_path / "one.h5", cell)
     write_cell(tmp_path / "other.h5", Cell(dict(reversed(cell.arrays.items())), cell.attributes))
     assert (tmp_path / "one.h5").read_bytes() == (tmp_path / "other.h5").read_bytes()
-
-
-def test_an_interrupted_write_leaves_the_old_file_and_no_remains(path, monkeypatch):
-    before, files = path.read_bytes(), sorted(path.parent.iterdir())
-    cell = invented_cell()
-    cell.arrays["unknown_name"] = np.zeros(3)  # a name that DATASETS does not know stops the write half-way
-    with pytest.raises(KeyError):
-        write_cell(path, cell)
-    assert path.read_bytes() == before
-    assert sorted(path.parent.iterdir()) == files
 
 
 @pytest.mark.parametrize("wrong", [np.nan, -np.inf])
@@ -93,8 +83,9 @@ def test_no_number_that_is_none_is_written(path, name, wrong):
     assert path.read_bytes() == before
 
 
-def test_attributes_are_finite_but_for_what_is_not_known(tmp_path):
-    """NaN: the share of volume outside the range of a law that came without one."""
+def test_a_refused_write_leaves_no_file_and_the_old_one_whole(tmp_path, path, monkeypatch):
+    # Attributes are finite but for what is not known. NaN: the share of volume outside the range of a law that came
+    # without one
     cell = invented_cell()
     unknown = {"volume_outside_valid_range": np.array([[np.nan, 0.0]])}
     write_cell(tmp_path / "a.h5", Cell(cell.arrays, cell.attributes | unknown))
@@ -103,6 +94,14 @@ def test_attributes_are_finite_but_for_what_is_not_known(tmp_path):
     ):
         write_cell(tmp_path / "b.h5", Cell(cell.arrays, cell.attributes | {"energy_mJ": [0.1, np.nan]}))
     assert not (tmp_path / "b.h5").exists()
+
+    # An interrupted write leaves the old file and no remains
+    before, files = path.read_bytes(), sorted(path.parent.iterdir())
+    cell.arrays["unknown_name"] = np.zeros(3)  # a name that DATASETS does not know stops the write half-way
+    with pytest.raises(KeyError):
+        write_cell(path, cell)
+    assert path.read_bytes() == before
+    assert sorted(path.parent.iterdir()) == files
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
@@ -113,13 +112,20 @@ def test_a_truncated_file_is_named(path, share):
         read_cell(path)
 
 
-def test_a_missing_file_or_dataset_is_named(tmp_path, path):
+def test_what_is_missing_is_named_unless_a_mirrored_cell_needs_it_not(tmp_path, path):
+    # A missing file or dataset is named
     with pytest.raises(CellError, match=r"gone\.h5: no such file; simulate it again"):
         read_cell(tmp_path / "gone.h5")
 
     # A missing dataset is named
     with pytest.raises(CellError, match=r"x0_y0\.h5: datasets \['gel_hex'\] are missing"):
         read_cell(path, ["depth_mm", "gel_hex"])
+
+    # A mirrored cell needs no section of its own
+    cell = invented_cell()
+    arrays = {name: array for name, array in cell.arrays.items() if name not in SECTION}
+    write_cell(path, Cell(arrays, cell.attributes | {"source": "x1_y0"}))
+    assert set(read_cell(path).arrays) == set(arrays)
 
 
 @pytest.mark.parametrize("name", sorted(set(DATASETS) - OPTIONAL))
@@ -128,13 +134,6 @@ def test_every_mandatory_dataset_is_missed(path, name):
         del file[name]
     with pytest.raises(CellError, match=rf"x0_y0\.h5: datasets \['{name}'\] are missing"):
         read_cell(path)
-
-
-def test_a_mirrored_cell_needs_no_section_of_its_own(path):
-    cell = invented_cell()
-    arrays = {name: array for name, array in cell.arrays.items() if name not in SECTION}
-    write_cell(path, Cell(arrays, cell.attributes | {"source": "x1_y0"}))
-    assert set(read_cell(path).arrays) == set(arrays)
 
 
 @pytest.mark.parametrize("wrong", ["gelforge-cell-0", None])

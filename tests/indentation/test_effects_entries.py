@@ -88,7 +88,8 @@ def test_other_exponents_keep_the_modulus_and_stiffen_in_tension(law):
     assert stress[1] > 1.01 * stress[0]
 
 
-def test_more_terms_of_the_energy_make_yeohs_model_of_neo_hookes():
+def test_more_terms_make_yeohs_model_and_scaled_layers_scale_the_force():
+    # More terms of the energy make yeohs model of neo hookes
     soft = LAWS | {"soft": NeoHooke(0.02)}
     corrected = with_keys(study(), material={"energy_correction": {"gel": {"c2": 0.4, "c3": -0.05}}})
     yeoh = Yeoh(0.01, 0.4 * 0.01, -0.05 * 0.01)
@@ -97,6 +98,13 @@ def test_more_terms_of_the_energy_make_yeohs_model_of_neo_hookes():
     assert (force(nothing, soft) == force(study(), soft)).all()
     with pytest.raises(ConfigError, match="not regions"):
         with_keys(study(), material={"energy_correction": {"jelly": {"c2": 0.4}}})
+
+    # Scaling every layer scales the force. Exactly so under displacement control: physics.md; to the stopping rule
+    # here
+    scaled = with_keys(study(), material={"stiffness_factor": {"gel": 1.3, "skin": 1.3}})
+    free = {"mechanics": {"friction": 0.0}}  # the elastic slip of friction is a constant of the algorithm
+    scaled, plain = (study_from(merged(s.model_dump(mode="json"), free)) for s in (scaled, study()))
+    assert_allclose(force(scaled), 1.3 * force(plain), rtol=1e-6)
 
 
 def test_an_unstable_law_is_refused_before_anything_is_solved():
@@ -123,15 +131,6 @@ def test_compressibility_is_by_region_and_poissons_ratio_says_the_same():
     assert_allclose(force(by_ratio), force(by_bulk), rtol=1e-12)
     with pytest.raises(ConfigError, match="give one"):
         with_keys(by_ratio, material={"bulk_to_shear": {"gel": 10.0}})
-
-
-# ------------------------------------------------------------------------------------- stiffness of elements
-def test_scaling_every_layer_scales_the_force():
-    """Exactly so under displacement control: physics.md; to the stopping rule here."""
-    scaled = with_keys(study(), material={"stiffness_factor": {"gel": 1.3, "skin": 1.3}})
-    free = {"mechanics": {"friction": 0.0}}  # the elastic slip of friction is a constant of the algorithm
-    scaled, plain = (study_from(merged(s.model_dump(mode="json"), free)) for s in (scaled, study()))
-    assert_allclose(force(scaled), 1.3 * force(plain), rtol=1e-6)
 
 
 # ---------------------------------------------------------------------------------------------------- geometry
@@ -223,8 +222,7 @@ def test_where_and_how_deep_the_indenter_really_is():
     # the same pose reached in one step on the same mesh: only what the fine region's size does differs
     assert_allclose(force(deeper, planned=planned), force(study()), rtol=1e-6)
 
-
-def test_depth_from_one_touch_is_that_of_the_tilted_or_thicker_gel():
+    # Depth from one touch is that of the tilted or thicker gel
     tilted = with_keys(study(), kinematics={"tilt_deg": [2.0, -1.0], "zero_by": "session"})
     effects, ball = tilted.mechanics.effects, Sphere(5.0)
     start, lead = plane_touch(tilted.sensor, effects, ball, 10.0, 9.0)
@@ -294,7 +292,8 @@ def test_a_frame_and_a_base_plate_yield_with_the_force():
 
 
 # --------------------------------------------------------------------------------------- catalogue and refusals
-def test_the_catalogue_says_what_a_reader_needs_and_adds_to_a_study():
+def test_the_catalogue_says_what_a_reader_needs_and_which_effects_mirror():
+    # The catalogue says what a reader needs and adds to a study
     families = {"material", "history", "contact", "geometry", "kinematics"}
     for name, effect in CATALOGUE.items():
         assert effect.name == name and effect.family in families
@@ -311,6 +310,19 @@ def test_the_catalogue_says_what_a_reader_needs_and_adds_to_a_study():
     ]  # of 2.5 for a rigid ball, of -5/3 for an empty one
     twice = CATALOGUE["gel_stiffness"](CATALOGUE["gel_stiffness"](study(), 0.1), 0.1)
     assert twice.mechanics.effects.material.stiffness_factor == {"gel": pytest.approx(1.21)}
+
+    # Mirrored cells need effects that mirror
+    plan = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4], "symmetry": "d4"}
+    square = specimens.study(plan=plan)
+    with_keys(square, material={"stiffness_factor": {"gel": 1.1}})
+    for families in (
+        {"kinematics": {"tilt_deg": [1.0, 0.0]}},
+        {"geometry": {"thickness": {"gel": {"gradient": [0.01, 0.0]}}}},
+        {"geometry": {"inclusions": [{"centre_mm": [5, 5, -2], "radius_mm": 1.0}]}},
+        {"history": {"mullins": {"gel": {"amount": 0.2}}}},
+    ):
+        with pytest.raises(ConfigError, match="plan.symmetry: d4 .* use symmetry: auto"):
+            with_keys(square, **families)
 
 
 @pytest.mark.parametrize(
@@ -337,17 +349,3 @@ def test_effects_that_cannot_be_are_refused(change, words):
         study_from(merged(study().model_dump(mode="json"), {"mechanics": change}))
     for word in words:
         assert word in str(refused.value)
-
-
-def test_mirrored_cells_need_effects_that_mirror():
-    plan = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4], "symmetry": "d4"}
-    square = specimens.study(plan=plan)
-    with_keys(square, material={"stiffness_factor": {"gel": 1.1}})
-    for families in (
-        {"kinematics": {"tilt_deg": [1.0, 0.0]}},
-        {"geometry": {"thickness": {"gel": {"gradient": [0.01, 0.0]}}}},
-        {"geometry": {"inclusions": [{"centre_mm": [5, 5, -2], "radius_mm": 1.0}]}},
-        {"history": {"mullins": {"gel": {"amount": 0.2}}}},
-    ):
-        with pytest.raises(ConfigError, match="plan.symmetry: d4 .* use symmetry: auto"):
-            with_keys(square, **families)

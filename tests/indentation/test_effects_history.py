@@ -63,8 +63,9 @@ def test_paths_have_times_and_planned_depths_are_presses_of_their_own():
     assert times == pytest.approx((0.03, 8.03, 8.05))
 
 
-def test_a_wait_relaxes_a_press_to_the_law_at_rest():
-    """Fast down, then held: from nearly 1.5 times the force at rest to that force, as one branch of 1 s does."""
+def test_speed_and_wait_decide_what_is_read_down_to_the_law_at_rest():
+    # A wait relaxes a press to the law at rest. Fast down, then held: from nearly 1.5 times the force at rest to
+    # that force, as one branch of 1 s does
     study = relaxing()
     depths = (0.25, 0.5, 0.5, 0.5, 0.5)
     waits = (1e-3, 2e-3, 1.0, 3.0, 12.0)
@@ -81,8 +82,7 @@ def test_a_wait_relaxes_a_press_to_the_law_at_rest():
     assert_allclose(force / known, 1 + 0.5 * np.exp(-times), rtol=5e-3)
     assert max(cell.attributes["force_balance"]) < 1e-6
 
-
-def test_speed_and_wait_decide_what_is_read():
+    # Speed and wait decide what is read
     planned = PlannedCell("a", *A, (0.5,))
 
     def read(**timing):

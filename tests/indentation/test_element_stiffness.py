@@ -28,7 +28,8 @@ def volumes(mesh):
     return (corner.max(axis=1) - corner.min(axis=1)).prod(axis=1)  # boxes along the axes
 
 
-def test_particles_stiffen_by_eshelby_and_settle_downwards():
+def test_particles_age_temperature_and_a_toe_change_the_moduli():
+    # Particles stiffen by eshelby and settle downwards
     assert eshelby_factor(0.02) == pytest.approx(1 / 0.95)
     mesh, shear, bulk = factors(material={"particles": {"stiffening": 1.0}})
     gel = mesh.region == mesh.regions.index("gel")
@@ -40,8 +41,7 @@ def test_particles_stiffen_by_eshelby_and_settle_downwards():
     v = volumes(mesh)[gel]
     assert ((1 - 1 / shear[gel]) * v).sum() == pytest.approx(0, abs=1e-12)  # none are lost
 
-
-def test_age_and_temperature_multiply():
+    # Age and temperature multiply
     circumstances = {
         "ageing_per_day": {"gel": 0.01}, "age_days": 12.0, "reference_age_days": 2.0,
         "stiffening_per_K": {"gel": -0.002, "wall": 0.01}, "temperature_C": 28.0,
@@ -52,8 +52,7 @@ def test_age_and_temperature_multiply():
     with pytest.raises(ConfigError, match="stiffness factor of -1"):
         factors(material={"circumstances": {"ageing_per_day": {"gel": -0.2}, "age_days": 10.0}})
 
-
-def test_a_toe_is_in_series_with_the_rest_of_its_element():
+    # A toe is in series with the rest of its element
     mesh, shear, _ = factors(geometry={"toe": {"thickness_mm": 0.2, "factor": 0.1}})
     z = mesh.X[mesh.elements, 2]
     height = np.ptp(z, axis=1)
@@ -118,7 +117,8 @@ def test_a_bubble_and_a_ball_give_way_to_pressure_by_factors_of_their_own():
     )
 
 
-def test_a_wall_gap_weakens_a_strip_of_the_gel_along_the_wall():
+def test_a_wall_gap_weakens_a_strip_as_four_sides_do():
+    # A wall gap weakens a strip of the gel along the wall
     mesh, shear, bulk = factors(geometry={"wall_gap": {"width_mm": 0.5, "loss": 0.4}})
     gel = mesh.region == mesh.regions.index("gel")
     lost = ((1 - shear) / (0.4 * 0.999) * volumes(mesh)).sum()
@@ -130,6 +130,15 @@ def test_a_wall_gap_weakens_a_strip_of_the_gel_along_the_wall():
     _, shear, bulk = factors(geometry={"wall_gap": {"width_mm": 1.0, "loss": 1.0}})
     assert (shear < 0.9).any()
     assert_allclose((1 - bulk) / (1 - 1e-6), (1 - shear) / (1 - 1e-3), rtol=1e-12)
+
+    # All four sides of a bond are the gap along the wall. But for the strips' corners, where two sides lose a share
+    # each
+    sides = [{"side": side, "bond_loss": 0.4} for side in ("x_low", "x_high", "y_low", "y_high")]
+    mesh, around, _ = factors(geometry={"wall_gap": {"width_mm": 0.5, "loss": 0.4}})
+    _, four, _ = factors(geometry={"wall_sides": sides})
+    away = np.abs(mesh.X[mesh.elements][..., :2] - 8).max(axis=1)
+    corner = (away > 6.5).all(axis=1)
+    assert_allclose(four[~corner], around[~corner], rtol=1e-12)
 
 
 @pytest.mark.parametrize("side", ["x_low", "x_high", "y_low", "y_high"])
@@ -144,17 +153,8 @@ def test_a_side_weakens_the_wall_or_the_gel_along_it(side):
         assert (middle > 8) == side.endswith("high")
 
 
-def test_all_four_sides_of_a_bond_are_the_gap_along_the_wall():
-    """But for the strips' corners, where two sides lose a share each."""
-    sides = [{"side": side, "bond_loss": 0.4} for side in ("x_low", "x_high", "y_low", "y_high")]
-    mesh, around, _ = factors(geometry={"wall_gap": {"width_mm": 0.5, "loss": 0.4}})
-    _, four, _ = factors(geometry={"wall_sides": sides})
-    away = np.abs(mesh.X[mesh.elements][..., :2] - 8).max(axis=1)
-    corner = (away > 6.5).all(axis=1)
-    assert_allclose(four[~corner], around[~corner], rtol=1e-12)
-
-
-def test_a_loose_film_keeps_its_bulk_and_loses_its_shear():
+def test_shear_and_bulk_change_apart():
+    # A loose film keeps its bulk and loses its shear
     patch = {"centre_mm": [8.0, 8.0], "radius_mm": 2.0, "layer": "gel", "film_mm": 0.5, "loss": 1.0}
     mesh, shear, bulk = factors(geometry={"delaminations": [patch]})
     assert (bulk == 1).all()
@@ -163,9 +163,8 @@ def test_a_loose_film_keeps_its_bulk_and_loses_its_shear():
     touched = mesh.X[mesh.elements[shear < 1]][..., 2]
     assert touched.max() == pytest.approx(-1.0)  # under the gel's top face
 
-
-def test_shear_and_bulk_of_an_element_scale_apart():
-    """One element of 1 mm3: simple shear meets 0.1 mu, a change of volume the whole K."""
+    # Shear and bulk of an element scale apart. One element of 1 mm3: simple shear meets 0.1 mu, a change of volume
+    # the whole K
     mu, ratio, small = 0.02, 50.0, 1e-5
     cube = specimens.box(1)
     free = build_pattern(cube.elements, np.zeros(8, bool))

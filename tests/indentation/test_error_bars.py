@@ -109,7 +109,8 @@ def test_bars_depend_on_no_other_depth_and_on_no_name_of_an_axis(bins):
     assert_allclose(turned["total_sigma_mesh_N"], straight["total_sigma_mesh_N"][:, [1, 0, 2]], rtol=1e-12)
 
 
-def test_few_nodes_or_few_elements_widen_the_bar_of_the_total():
+def test_few_nodes_few_elements_stiff_layers_and_walls_widen_the_bar_of_the_total():
+    # Few nodes or few elements widen the bar of the total
     total = np.array([[0.1, 0.0, -1.0]])
     few, many = (touch_totals(total, np.array([n])) for n in (4, 40))
     assert_allclose(few, 10 * many, rtol=1e-12)
@@ -120,9 +121,7 @@ def test_few_nodes_or_few_elements_widen_the_bar_of_the_total():
     assert_allclose(few, 4 * many, rtol=1e-12)
     assert_allclose(many, SHARE_LAYERS / 36 * np.abs(total), rtol=1e-12)
 
-
-def test_stiff_layers_and_walls_widen_the_bar_of_the_total_by_their_contrast():
-    total = np.array([[0.1, 0.0, -1.0]])
+    # Stiff layers and walls widen the bar of the total by their contrast
     plain, stiff, walled = (
         layer_totals(total, resolution)[0]
         for resolution in (Resolution(6.0), Resolution(6.0, 0.5), Resolution(6.0, 0.5, 0.2))
@@ -148,13 +147,33 @@ def test_a_site_is_resolved_as_its_mirror_image_and_better_far_from_walls_and_am
     assert resolution_of(sensor, tetrahedra, laws, 3.0, 9.0).walls == 0
 
 
-def test_the_bar_of_a_stiff_skin_holds_what_elements_of_half_the_size_give():
-    """Without the share of stiff layers the error is several times the bar (benchmarks/stiff_layers.py)."""
-    planned = PlannedCell("x", 8.0, 8.0, (0.4, 0.8))
+@pytest.mark.parametrize(
+    ("depths", "sensor", "indenter", "sizes"),
+    [
+        # without the share of stiff layers the error is several times the bar (benchmarks/stiff_layers.py)
+        (
+            (0.4, 0.8),
+            None,
+            None,
+            {"near_mm": 0.45, "near_radius_mm": 2.0, "growth": 0.3, "far_mm": 1.8},
+        ),
+        # a gel of 1 mm squeezed by a ball of 4 mm: 3 % is five times the other parts
+        (
+            (0.2, 0.3),
+            {"layers": [{"name": "gel", "thickness_mm": 1.0, "material": "soft"}], "wall_mm": 0.0},
+            {"radius_mm": 4.0},
+            {"near_mm": 0.25, "near_radius_mm": 1.5, "growth": 0.25, "far_mm": 1.0},
+        ),
+    ],
+    ids=["stiff skin", "gel of few elements"],
+)
+def test_the_bar_holds_what_elements_of_half_the_size_give(depths, sensor, indenter, sizes):
+    planned = PlannedCell("x", 8.0, 8.0, depths)
+    plan = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": list(depths)} if sensor else None
 
     def study(factor):
-        sizes = {"near_mm": 0.45 * factor, "near_radius_mm": 2.0, "growth": 0.3, "far_mm": 1.8 * factor}
-        return specimens.study(mesh=sizes, contact={})
+        scaled = sizes | {name: factor * sizes[name] for name in ("near_mm", "far_mm")}
+        return specimens.study(plan, sensor, indenter, mesh=scaled, contact={})
 
     label = simulate_label(study(1.0), specimens.STUDY_LAWS, {}, planned).arrays
     finer = simulate_cell(study(0.5), specimens.STUDY_LAWS, planned).arrays["total_force_N"]
@@ -162,24 +181,9 @@ def test_the_bar_of_a_stiff_skin_holds_what_elements_of_half_the_size_give():
     assert (error < 2).all() and error.max() > 0.5
 
 
-def test_a_gel_of_few_elements_is_known_within_its_bar():
-    """A gel of 1 mm squeezed by a ball of 4 mm, and elements half as large: 3 % is five times the other parts."""
-    gel = {"layers": [{"name": "gel", "thickness_mm": 1.0, "material": "soft"}], "wall_mm": 0.0}
-    planned = PlannedCell("x", 8.0, 8.0, (0.2, 0.3))
-    plan = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.2, 0.3]}
-
-    def study(factor):
-        sizes = {"near_mm": 0.25 * factor, "near_radius_mm": 1.5, "growth": 0.25, "far_mm": factor}
-        return specimens.study(plan, gel, {"radius_mm": 4.0}, mesh=sizes, contact={})
-
-    label = simulate_label(study(1.0), specimens.STUDY_LAWS, {}, planned).arrays
-    finer = simulate_cell(study(0.5), specimens.STUDY_LAWS, planned).arrays["total_force_N"]
-    error = np.abs(label["total_force_N"] - finer)[:, 2] / label["total_sigma_mesh_N"][:, 2]
-    assert (error < 2).all() and error.max() > 0.5
-
-
-def test_a_total_that_agrees_by_chance_keeps_what_its_bins_differ_by(bins):
-    """Two bins that differ by the same force up and down: the total's own difference is nothing."""
+def test_totals_keep_what_bins_differ_by_in_shares_and_squares(bins):
+    # A total that agrees by chance keeps what its bins differ by. Two bins that differ by the same force up and
+    # down: the total's own difference is nothing
     coarse = bins.copy()
     coarse[:, 44] += [0.0, 0.0, 0.2]
     coarse[:, 55] -= [0.0, 0.0, 0.2]
@@ -189,15 +193,13 @@ def test_a_total_that_agrees_by_chance_keeps_what_its_bins_differ_by(bins):
     assert_allclose(bars["total_sigma_mesh_N"], np.hypot(PART_OF_BINS * together, share), rtol=1e-9)
     assert (bars["total_sigma_mesh_N"][:, 2] > PART_OF_BINS * PART_BINS[2] * 0.2).all()
 
-
-def test_what_the_total_differs_by_is_the_same_share_of_the_force_at_every_depth(bins):
+    # What the total differs by is the same share of the force at every depth
     grown = (bins[:1] * np.array([1.0, 2.0, 4.0])[:, None, None]).sum(axis=1)
     sigma = mesh_totals(grown, 1.1 * grown)
     assert_allclose(sigma, sigma[0] * np.array([1.0, 2.0, 4.0])[:, None], rtol=1e-12)
     assert (sigma > 0).all()
 
-
-def test_independent_directions_add_in_squares(bins):
+    # Independent directions add in squares
     bars, companion = bars_of(bins, bins, slopes=3)
     assert_allclose(bars["bin_sigma_material_N"] ** 2, (companion.bin_slopes**2).sum(axis=0), rtol=1e-12)
     assert_allclose(bars["total_sigma_material_N"] ** 2, (companion.total_slopes**2).sum(axis=0), rtol=1e-12)
@@ -259,7 +261,8 @@ def test_the_companion_is_the_coarser_solution_and_its_slopes_those_of_full_solu
         assert_allclose(found, expected, atol=5e-3 * np.abs(expected).max())
 
 
-def test_a_label_has_bars_of_both_kinds_and_says_which_laws_are_uncertain():
+def test_a_label_has_bars_of_both_kinds_and_a_mirrored_one_mirrored_bars():
+    # A label has bars of both kinds and says which laws are uncertain
     study = specimens.study()
     uncertain = {"soft": moved_laws(SOFT, AMOUNT)}
     cell = simulate_label(study, specimens.STUDY_LAWS, uncertain, PLANNED)
@@ -278,13 +281,11 @@ def test_a_label_has_bars_of_both_kinds_and_says_which_laws_are_uncertain():
     assert not any("sigma" in name for name in without.arrays)
     assert_allclose(without.arrays["bin_force_N"], a["bin_force_N"], rtol=0, atol=0)
 
-
-def test_bars_are_mirrored_with_their_cell():
+    # Bars are mirrored with their cell
     plan = {"grid": {"spacing_mm": 3.0, "margin_mm": 5.0}, "depths_mm": [0.4], "symmetry": "d4"}
     study = specimens.study(plan=plan)
     planned = plan_cells(study)
     image = next(cell for cell in planned.values() if cell.symmetry == "rotate_90")
-    uncertain = {"soft": moved_laws(SOFT, AMOUNT)}
     source = simulate_label(study, specimens.STUDY_LAWS, uncertain, planned[image.source])
     mirrored = mirror_cell(source, study, specimens.STUDY_LAWS, image)
     solved = simulate_label(

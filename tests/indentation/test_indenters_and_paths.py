@@ -85,8 +85,9 @@ def test_every_indenter_presses(indenter):
     assert not any(cell.attributes["side_contact"])
 
 
-def test_a_box_from_a_file_presses_as_the_box_does(tmp_path):
-    """The same solid as a formula and as 12 triangles: the signed distances are equal to rounding, so are the forces."""
+def test_bodies_of_files_and_of_parts_press_as_their_formulas_do(tmp_path):
+    # A box from a file presses as the box does. The same solid as a formula and as 12 triangles: the signed
+    # distances are equal to rounding, so are the forces
     file = {"kind": "mesh", "file": str(write_surface(tmp_path / "block.stl")), "edge_radius_mm": 0.5}
     known = pressed(INDENTERS["box"]).arrays
     found = pressed(file).arrays
@@ -96,9 +97,8 @@ def test_a_box_from_a_file_presses_as_the_box_does(tmp_path):
     )
     assert np.array_equal(found["node_state"], known["node_state"])
 
-
-def test_two_balls_press_where_they_are():
-    """The higher ball presses less, by what its own depth makes; a third ball far above changes nothing."""
+    # Two balls press where they are. The higher ball presses less, by what its own depth makes; a third ball far
+    # above changes nothing
     two = INDENTERS["two balls"]
     a = pressed(two).arrays
     left = a["node_xy_mm"][:, 0] < CENTRE[0]
@@ -144,15 +144,15 @@ def test_shear_sticks_then_slips_and_release_takes_all_away():
     assert np.abs(a["node_displacement_mm"][-1]).max() < 1e-5
 
 
-def test_a_twist_by_hand_turns_in_steps_of_a_degree_after_the_shear():
+def test_a_twist_turns_in_steps_against_the_torque_of_friction():
+    # A twist by hand turns in steps of a degree after the shear
     path = press_path("press", *CENTRE, [0.3], [0.15, 0.0], unload=True, twist=-2.5)
     assert path.phases == ("load", "shear", "shear", "twist", "twist", "twist", "unload")
     assert_allclose(path.twists_deg, [0, 0, 0, -2.5 / 3, -5 / 3, -2.5, -2.5])
     assert path.shears_mm[-1] == (0.15, 0.0)
 
-
-def test_the_torque_of_a_twist_resists_it_and_is_that_of_friction_once_all_slips():
-    """A flat punch that slips all over: torque mu sum(N r), of each node's own pressure and distance."""
+    # The torque of a twist resists it and is that of friction once all slips. A flat punch that slips all over:
+    # torque mu sum(N r), of each node's own pressure and distance
     mu, punch = 0.2, {"kind": "cylinder", "radius_mm": 2.5, "edge_radius_mm": 0.3}
     path = press_path("press", *CENTRE, [0.3], None, unload=False, twist=25.0)
     a = sound(simulate_cell(specimens.study(mesh=MESH, friction=mu, indenter=punch), LAWS, path))
@@ -166,8 +166,16 @@ def test_the_torque_of_a_twist_resists_it_and_is_that_of_friction_once_all_slips
     assert torque[-1] == pytest.approx(mu * (normal * np.linalg.norm(arm, axis=1)).sum(), rel=0.05)
 
 
-def test_unloading_slips_back_and_lets_nodes_go():
-    """On the way up the contact shrinks and friction turns round: another state than on the way down, less force."""
+def test_an_elastic_gel_dwells_without_change_and_slips_back_on_release():
+    # An elastic gel dwells without change
+    path = PlannedCell("press", *CENTRE, (0.5, 0.5), phases=("load", "dwell"))
+    a = sound(simulated(path))
+    for name in ("total_force_N", "bin_force_N", "node_displacement_mm"):
+        # The second state starts from the first, already within the stopping rule of 1e-6 of the force.
+        assert_allclose(a[name][1], a[name][0], atol=2e-6 * np.abs(a[name][0]).max())
+
+    # Unloading slips back and lets nodes go. On the way up the contact shrinks and friction turns round: another
+    # state than on the way down, less force
     path = press_path("press", *CENTRE, [0.2, 0.4, 0.6], None, unload=True)
     a = sound(simulated(path, friction=0.05))
     down, up = a["total_force_N"][1, 2], a["total_force_N"][3, 2]
@@ -177,14 +185,6 @@ def test_unloading_slips_back_and_lets_nodes_go():
     # Back at the first touch the last node may stay at a gap of zero, without a force to speak of.
     assert np.abs(a["total_force_N"][5]).max() < 1e-5 * abs(down)
     assert (a["node_state"][3] == SLIP).any()
-
-
-def test_an_elastic_gel_dwells_without_change():
-    path = PlannedCell("press", *CENTRE, (0.5, 0.5), phases=("load", "dwell"))
-    a = sound(simulated(path))
-    for name in ("total_force_N", "bin_force_N", "node_displacement_mm"):
-        # The second state starts from the first, already within the stopping rule of 1e-6 of the force.
-        assert_allclose(a[name][1], a[name][0], atol=2e-6 * np.abs(a[name][0]).max())
 
 
 def test_an_indenter_that_turns_rubs_and_leans():

@@ -72,7 +72,8 @@ def test_levels_are_nested_with_names_and_images_and_enclose_the_plan():
         assert (around.max(axis=0) >= np.array(position) - 1e-9).all()
 
 
-def test_sites_near_an_edge_paths_and_small_plans_are_solved_themselves():
+def test_sites_are_solved_themselves_near_edges_and_without_interpolation():
+    # Sites near an edge paths and small plans are solved themselves
     study, cells, _ = planned({"plan": {"grid": {"spacing_mm": 1.1, "margin_mm": 1.0}}})
     near_edge = [cell for cell in cells.values() if min(cell.x_mm, 32 - cell.x_mm) < 2]
     assert near_edge and all(not cell.between for cell in near_edge)
@@ -83,6 +84,20 @@ def test_sites_near_an_edge_paths_and_small_plans_are_solved_themselves():
     _, cells, lattice = planned({"plan": {"grid": {"spacing_mm": 11.0}}})
     assert lattice is None
     assert not any(cell.between for cell in cells.values())
+
+    # Without interpolation every site is solved or derived
+    plain = study_with({"plan": {"interpolation": "none"}})
+    assert not any(cell.between for cell in plan_cells(plain).values())
+    assert "interpolation" not in plain.model_dump(mode="json")["plan"]
+
+    # A job makes the derived sites of its shard
+    _, cells, _ = planned({"plan": {"interpolation": "none"}})
+    chunks = derived_chunks(cells, 16)
+    mirrored = [name for name, cell in cells.items() if cell.source]
+    assert sorted(name for names in chunks.values() for name in names) == sorted(mirrored)
+    order = list(cells)
+    for number, names in chunks.items():
+        assert all(order.index(name) // 16 == number for name in names)
 
 
 def test_depths_that_differ_give_a_ladder_that_encloses_them(tmp_path):
@@ -138,18 +153,3 @@ def test_what_does_not_move_with_the_indenter_is_refused_in_a_sentence(changes, 
 def test_one_positive_tolerance_is_given(given):
     with pytest.raises(ConfigError):
         study_from({**STUDY, "plan": {**STUDY["plan"], "interpolation": given}})
-
-
-def test_without_interpolation_every_site_is_solved_or_derived():
-    plain = study_with({"plan": {"interpolation": "none"}})
-    assert not any(cell.between for cell in plan_cells(plain).values())
-    assert "interpolation" not in plain.model_dump(mode="json")["plan"]
-
-    # A job makes the derived sites of its shard
-    _, cells, _ = planned({"plan": {"interpolation": "none"}})
-    chunks = derived_chunks(cells, 16)
-    mirrored = [name for name, cell in cells.items() if cell.source]
-    assert sorted(name for names in chunks.values() for name in names) == sorted(mirrored)
-    order = list(cells)
-    for number, names in chunks.items():
-        assert all(order.index(name) // 16 == number for name in names)

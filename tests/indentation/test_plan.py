@@ -21,7 +21,8 @@ def from_csv(folder: Path, text: str, **plan):
     return plan_cells(specimens.study({"file": str(path)} | plan))
 
 
-def test_grid_is_centred_named_and_ordered():
+def test_grid_is_centred_named_ordered_and_mirrored():
+    # Grid is centred named and ordered
     cells = plan_cells(specimens.study(GRID | {"symmetry": "none"}))
     assert list(cells)[:4] == ["x0_y0", "x1_y0", "x2_y0", "x0_y1"]
     assert [(c.x_mm, c.y_mm) for c in list(cells.values())[:2]] == [(5.0, 5.0), (8.0, 5.0)]
@@ -37,8 +38,7 @@ def test_grid_is_centred_named_and_ordered():
     cells = plan_cells(specimens.study({"grid": {"spacing_mm": 4.0, "margin_mm": 5.0}, "depths_mm": [0.5]}))
     assert sorted({c.x_mm for c in cells.values()}) == [6.0, 10.0]
 
-
-def test_mirrored_cells_name_a_solved_source_and_the_symmetry_that_carries_it_there():
+    # Mirrored cells name a solved source and the symmetry that carries it there
     cells = plan_cells(specimens.study(GRID | {"symmetry": "d4"}))
     solved = {name for name, cell in cells.items() if cell.source is None}
     assert solved == {"x0_y0", "x1_y0", "x1_y1"}
@@ -51,7 +51,8 @@ def test_mirrored_cells_name_a_solved_source_and_the_symmetry_that_carries_it_th
             assert_allclose(landing, [cell.x_mm, cell.y_mm], atol=1e-9)
 
 
-def test_symmetry_by_itself_is_the_one_that_is_asked_for():
+def test_symmetry_by_itself_is_found_and_the_table_has_a_row_per_depth():
+    # Symmetry by itself is the one that is asked for
     asked, by_itself, none = (
         plan_cells(specimens.study(GRID | plan)) for plan in ({"symmetry": "d4"}, {}, {"symmetry": "none"})
     )
@@ -64,6 +65,14 @@ def test_symmetry_by_itself_is_the_one_that_is_asked_for():
     cells = plan_cells(study)
     assert len(cells) == 1681
     assert sum(cell.source is None for cell in cells.values()) == 231
+
+    # Table has a row per cell and depth
+    cells = plan_cells(specimens.study(GRID | {"symmetry": "d4"}))
+    table = plan_table(cells)
+    assert len(table) == 18
+    row = table[(table.cell == "x2_y2") & (table.depth_mm == 0.8)].iloc[0]
+    assert (row.x_mm, row.y_mm, row.source) == (11.0, 11.0, "x0_y0")
+    assert (table[table.cell == "x0_y0"].source == "").all()
 
 
 @pytest.mark.parametrize(
@@ -193,15 +202,6 @@ def test_rows_with_phases_or_moves_are_a_path_in_the_order_of_the_file(tmp_path)
 def test_a_path_that_cannot_be_followed_is_refused(tmp_path, rows, words):
     with pytest.raises(ConfigError, match=words):
         from_csv(tmp_path, "cell,x_mm,y_mm,depth_mm,phase,shear_x_mm\n" + rows)
-
-
-def test_table_has_a_row_per_cell_and_depth():
-    cells = plan_cells(specimens.study(GRID | {"symmetry": "d4"}))
-    table = plan_table(cells)
-    assert len(table) == 18
-    row = table[(table.cell == "x2_y2") & (table.depth_mm == 0.8)].iloc[0]
-    assert (row.x_mm, row.y_mm, row.source) == (11.0, 11.0, "x0_y0")
-    assert (table[table.cell == "x0_y0"].source == "").all()
 
 
 # ------------------------------------------------------------------------------------------- variants

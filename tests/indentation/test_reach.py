@@ -61,8 +61,9 @@ def test_a_plan_is_refused_for_the_depth_that_is_really_reached(depth, mechanics
         [model_of(study.sensor, study.indenter, study.mechanics, BY_LAYER, path) for path in by_itself]
 
 
-def test_a_turn_of_the_indenter_sinks_its_edge():
-    """An edge 3 mm from the axis, rounded by 0.5 mm, sinks by 2.5 mm sin a + 0.5 mm (1 - cos a)."""
+def test_turned_indenters_reach_deeper_and_a_dome_is_as_thick_as_there():
+    # A turn of the indenter sinks its edge. An edge 3 mm from the axis, rounded by 0.5 mm, sinks by 2.5 mm sin a +
+    # 0.5 mm (1 - cos a)
     study = specimens.study(indenter=BOX)
     turned = PlannedCell("a", 8.0, 8.0, (2.0,), phases=("tilt",), tilts_deg=((0.0, 15.0),))
     a = np.radians(15.0)
@@ -71,6 +72,15 @@ def test_a_turn_of_the_indenter_sinks_its_edge():
     assert found.depth_mm == pytest.approx(2.0 + 2.5 * np.sin(a) + 0.5 * (1 - np.cos(a)), abs=1e-9)
     with pytest.raises(ConfigError, match=r"depth 2\.664 mm \(commanded: 2 mm\) would pierce"):
         check_inside({"a": turned}, study)
+
+    # A dome is as thick as it is under the press. A half-ellipsoid 4 mm high, 8 mm wide to each side: at 6 mm from
+    # the middle 4 sqrt(1 - 0.75^2) = 2.65 mm are left
+    mesh = {"near_mm": 0.8, "near_radius_mm": 1.5, "growth": 0.3, "far_mm": 1.6}
+    study = specimens.study(sensor={"shape": {"kind": "dome"}, "wall_mm": 0.0}, mesh=mesh, error_bars=False)
+    deep = PlannedCell("a", 14.0, 8.0, (2.3,))
+    check_inside({"a": deep}, study)  # a plan knows the highest point only
+    with pytest.raises(ConfigError, match=r"at \(14, 8\) mm: depth .* of their height 2\.6\d* mm there"):
+        simulate_cell(study, LAWS, deep)
 
 
 def test_a_smaller_ball_and_a_variant_are_checked_too():
@@ -86,16 +96,6 @@ def test_a_smaller_ball_and_a_variant_are_checked_too():
     study = study.model_copy(update={"variants": {"deeper": deeper}})
     with pytest.raises(ConfigError, match=r"site x1_y1: depth 2\.8 mm \(commanded: 0\.8 mm\)"):
         variant_cells(plan_cells(study), study, "deeper")
-
-
-def test_a_dome_is_as_thick_as_it_is_under_the_press():
-    """A half-ellipsoid 4 mm high, 8 mm wide to each side: at 6 mm from the middle 4 sqrt(1 - 0.75^2) = 2.65 mm are left."""
-    mesh = {"near_mm": 0.8, "near_radius_mm": 1.5, "growth": 0.3, "far_mm": 1.6}
-    study = specimens.study(sensor={"shape": {"kind": "dome"}, "wall_mm": 0.0}, mesh=mesh, error_bars=False)
-    deep = PlannedCell("a", 14.0, 8.0, (2.3,))
-    check_inside({"a": deep}, study)  # a plan knows the highest point only
-    with pytest.raises(ConfigError, match=r"at \(14, 8\) mm: depth .* of their height 2\.6\d* mm there"):
-        simulate_cell(study, LAWS, deep)
 
 
 @pytest.mark.parametrize(

@@ -53,8 +53,9 @@ def test_positions_within_the_stages_repeatability_are_one_site_with_all_its_dep
     assert readings.groupby("press")["cell"].nunique().eq(1).all() and (readings["cell"] != "").all()
 
 
-def test_a_later_session_does_not_move_sites(tmp_path):
-    """Each site lies where it was first pressed: what has been solved there stays."""
+def test_later_sessions_do_not_move_sites_and_the_nearer_site_is_joined(tmp_path):
+    # A later session does not move sites. Each site lies where it was first pressed: what has been solved there
+    # stays
     record(tmp_path, "one", visits(4), repeatability=SCATTER)
     before = plan_cells(study(tmp_path))
     record(tmp_path, "two", [*visits(4, seed=1), (5.0, 5.0)], (0.7,), SCATTER)
@@ -63,6 +64,16 @@ def test_a_later_session_does_not_move_sites(tmp_path):
     assert list(after) == [*before, "p0004"]
     assert all(places[name] == (cell.x_mm, cell.y_mm) for name, cell in before.items())
     assert all(cell.depths_mm == (0.5, 0.7, 1.0) for cell in list(after.values())[:4])
+
+    # Of two sites within the tolerance the nearer is joined
+    nearer = tmp_path / "nearer"
+    nearer.mkdir()
+    rows = "a,16.0,16.0,0.5\na,16.0,16.0,1.0\nb,16.1,16.0,0.5\nb,16.1,16.0,1.0\n"
+    (nearer / "plan.csv").write_text("cell,x_mm,y_mm,depth_mm\n" + rows)
+    record(nearer, "one", [(16.06, 16.0), (16.02, 16.0)])
+    plan = {"file": str(nearer / "plan.csv"), "tolerance_mm": 0.2}
+    readings = read_recording(nearer / "recordings/one", plan_cells(study(nearer, plan))).readings
+    assert readings.groupby("press")["cell"].first().to_dict() == {"p0": "b", "p1": "a"}
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -123,21 +134,24 @@ def test_the_tolerance_of_a_planned_grid_follows_the_stage_and_its_key(tmp_path)
         plan_cells(study(tmp_path, plan | {"tolerance_mm": 0.03}, ("two",)))
 
 
-def test_of_two_sites_within_the_tolerance_the_nearer_is_joined(tmp_path):
-    rows = "a,16.0,16.0,0.5\na,16.0,16.0,1.0\nb,16.1,16.0,0.5\nb,16.1,16.0,1.0\n"
-    (tmp_path / "plan.csv").write_text("cell,x_mm,y_mm,depth_mm\n" + rows)
-    record(tmp_path, "one", [(16.06, 16.0), (16.02, 16.0)])
-    plan = {"file": str(tmp_path / "plan.csv"), "tolerance_mm": 0.2}
-    readings = read_recording(tmp_path / "recordings/one", plan_cells(study(tmp_path, plan))).readings
-    assert readings.groupby("press")["cell"].first().to_dict() == {"p0": "b", "p1": "a"}
-
-
-def test_recorded_names_are_kept_and_name_one_position_each(tmp_path):
+def test_recorded_names_are_kept_and_the_key_survives_the_written_study(tmp_path):
+    # Recorded names are kept and name one position each
     record(tmp_path, "one", [(10, 12), (10.004, 12), (16, 16)], cells=["left", "left", ""])
     assert list(plan_cells(study(tmp_path))) == ["left", "p0001"]
     record(tmp_path, "two", [(10, 12), (16, 16)], cells=["left", "left"])
     with pytest.raises(ConfigError, match=r"site 'left' lies at \(16.0000, 16.0000\) mm, 7.21 mm from"):
         plan_cells(study(tmp_path, sessions=("two",)))
+
+    # The key survives the written study
+    keyed = tmp_path / "keyed"
+    plan = study(keyed, {"from": "sessions", "tolerance_mm": 0.05}).plan
+    written = plan.model_dump(mode="json")
+    assert written["from"] == "sessions" and "from_" not in written
+    assert Plan.model_validate(yaml.safe_load(yaml.safe_dump(written))) == plan
+    grid = Plan.model_validate({"grid": {"spacing_mm": 1.0}, "depths_mm": [1.0]}).model_dump(mode="json")
+    assert not {"from", "tolerance_mm"} & set(grid)  # digests of studies without these keys stay
+    with pytest.raises(ConfigError, match="give one of `grid` with `depths_mm`, `file` and `from: sessions`"):
+        study(keyed, {"from": "sessions", "file": "plan.csv"})
 
 
 def test_what_no_plan_can_be_made_of_is_refused(tmp_path):
@@ -172,14 +186,3 @@ def test_positions_outside_the_sensor_say_what_they_may_be(tmp_path, offset, fac
     with pytest.raises(ValueError, match=words) as refused:
         plan_cells(described) if from_sessions else read_recording(folder, None, described.sensor)
     assert f"{folder}/indentations.csv, row " in str(refused.value)
-
-
-def test_the_key_survives_the_written_study(tmp_path):
-    plan = study(tmp_path, {"from": "sessions", "tolerance_mm": 0.05}).plan
-    written = plan.model_dump(mode="json")
-    assert written["from"] == "sessions" and "from_" not in written
-    assert Plan.model_validate(yaml.safe_load(yaml.safe_dump(written))) == plan
-    grid = Plan.model_validate({"grid": {"spacing_mm": 1.0}, "depths_mm": [1.0]}).model_dump(mode="json")
-    assert not {"from", "tolerance_mm"} & set(grid)  # digests of studies without these keys stay
-    with pytest.raises(ConfigError, match="give one of `grid` with `depths_mm`, `file` and `from: sessions`"):
-        study(tmp_path, {"from": "sessions", "file": "plan.csv"})

@@ -29,7 +29,8 @@ def cell():
     return simulate_cell(specimens.study(store_displacement=True), LAWS, PLANNED)
 
 
-def test_a_cell_file_holds_everything(cell, tmp_path):
+def test_a_cell_file_holds_everything_and_says_whether_it_leaves_the_tested_range(cell, tmp_path):
+    # A cell file holds everything
     assert set(cell.arrays) == HELD
     write_cell(tmp_path / "cell.h5", cell)
     back = read_cell(tmp_path / "cell.h5")
@@ -49,9 +50,8 @@ def test_a_cell_file_holds_everything(cell, tmp_path):
     assert back.attributes["last_good_depth_mm"] == 0.8
     assert list(back.arrays["depth_mm"]) == [0.4, 0.8]
 
-
-def test_a_cell_says_whether_it_leaves_the_tested_range(cell, tmp_path):
-    """Pressed 0.4 and 0.8 mm deep; "tested" is what the gel alone reaches at half depth."""
+    # A cell says whether it leaves the tested range. Pressed 0.4 and 0.8 mm deep; "tested" is what the gel alone
+    # reaches at half depth
     assert cell.attributes["leaves_valid_range"].tolist() == [-1, -1]  # the laws came without a range
     extent = cell.attributes["stretch_range"]
     assert extent.shape == (2, len(cell.attributes["regions"]), 2)
@@ -66,9 +66,20 @@ def test_a_cell_says_whether_it_leaves_the_tested_range(cell, tmp_path):
     assert not back["volume_outside_valid_range"][0].any()
 
 
-def test_gel_displacement_only_where_asked():
+def test_unloading_keeps_its_phases_and_gel_displacement_is_stored_where_asked():
+    # Gel displacement only where asked
     short = replace(PLANNED, depths_mm=(0.1,))
     assert set(simulate_cell(specimens.study(), LAWS, short).arrays) == set(DATASETS) - OPTIONAL
+
+    # An unloading trajectory keeps its phases
+    study = specimens.study()
+    by_layer = {"gel": specimens.GEL, "skin": specimens.SKIN}
+    path = Trajectory(*specimens.CENTRE, (0.3, 0.6, 0.3), ("load", "load", "unload"))
+    cell = simulate_trajectory(study.sensor, study.indenter, study.mechanics, by_layer, path)
+    assert cell.attributes["phases"] == ["load", "load", "unload"]
+    fz = cell.arrays["total_force_N"][:, 2]
+    assert fz[1] < 1.5 * fz[0] < 0
+    assert fz[2] == pytest.approx(fz[0], rel=0.05)
 
 
 def test_totals_bins_nodes_and_displacements_agree(cell):
@@ -118,17 +129,6 @@ def test_totals_bins_nodes_and_displacements_agree(cell):
     k = int(bins.argmax())
     centre = (np.array([k % 10, k // 10]) + 0.5) * 1.6
     assert np.linalg.norm(centre - [PLANNED.x_mm, PLANNED.y_mm]) < 1.7
-
-
-def test_an_unloading_trajectory_keeps_its_phases():
-    study = specimens.study()
-    by_layer = {"gel": specimens.GEL, "skin": specimens.SKIN}
-    path = Trajectory(*specimens.CENTRE, (0.3, 0.6, 0.3), ("load", "load", "unload"))
-    cell = simulate_trajectory(study.sensor, study.indenter, study.mechanics, by_layer, path)
-    assert cell.attributes["phases"] == ["load", "load", "unload"]
-    fz = cell.arrays["total_force_N"][:, 2]
-    assert fz[1] < 1.5 * fz[0] < 0
-    assert fz[2] == pytest.approx(fz[0], rel=0.05)
 
 
 # --------------------------------------------------------------------------------------------- symmetry

@@ -54,7 +54,8 @@ def test_usual_sensors_pass(width, height):
     check_sensor_size(sensor(width, height))
 
 
-def test_a_confirmed_sensor_of_half_a_millimetre_is_planned():
+def test_small_sensors_fine_pins_and_large_plates_can_be_confirmed():
+    # A confirmed sensor of half a millimetre is planned
     layers = [{"name": "gel", "thickness_mm": 0.1, "material": "soft"}]
     sizes = {"width_x_mm": 0.5, "width_y_mm": 0.5, "layers": layers, "wall_mm": 0.0, "size_confirmed": True}
     plan = {"grid": {"spacing_mm": 0.1, "margin_mm": 0.2}, "depths_mm": [0.01]}
@@ -62,6 +63,16 @@ def test_a_confirmed_sensor_of_half_a_millimetre_is_planned():
         plan=plan, sensor=sizes, indenter={"radius_mm": 0.1}, mesh={"near_mm": 0.02, "far_mm": 0.05}
     )
     assert len(plan_cells(small)) == 4
+
+    # A fine pin and a large plate can be confirmed
+    fine = {"mesh": {"near_mm": 0.04, "near_radius_mm": 0.5, "far_mm": 2.0}}
+    pin = {"kind": "cylinder", "radius_mm": 0.15, "length_mm": 8.0, "edge_radius_mm": 0.05}
+    plate = {"kind": "box", "size_mm": [80.0, 80.0, 4.0], "edge_radius_mm": 0.5}
+    for indenter in (pin, plate):
+        with pytest.raises(ConfigError, match="size_confirmed: true"):
+            planned(indenter, **fine)
+        assert planned(indenter | {"size_confirmed": True}, **fine)
+    assert planned(pin | {"radius_mm": 0.5}, **fine)  # a pin of 1 mm needs no word
 
 
 # ---------------------------------------------------------------------------------------------- files of a sensor
@@ -103,11 +114,6 @@ def test_the_unit_of_surface_files_is_asked_about(tmp_path, factor, unit):
     assert np.allclose([low, high], [[0, 0, -4], [16, 16, 0]], atol=2e-3)
 
 
-def test_files_in_millimetres_that_are_called_metres_are_asked_about(tmp_path):
-    with pytest.raises(SurfaceError, match=r"are the files in mm\? set shape\.mm_per_unit: 1,"):
-        sensor_solids(surfaces(tmp_path, mm_per_unit=1000.0))
-
-
 @pytest.mark.parametrize("turn", [[0.0, 0.0, 0.0], [180.0, 0.0, 0.0], [90.0, 0.0, 90.0]])
 def test_a_sensor_drawn_elsewhere_is_moved_by_the_key_that_is_named(tmp_path, turn):
     R = rotation_about_axes(turn)
@@ -118,9 +124,14 @@ def test_a_sensor_drawn_elsewhere_is_moved_by_the_key_that_is_named(tmp_path, tu
     assert np.allclose([low, high], [[0, 0, -4], [16, 16, 0]], atol=1e-3)
 
 
-def test_placing_keys_belong_to_files():
+def test_placing_keys_belong_to_files_whose_unit_is_asked_about(tmp_path):
+    # Placing keys belong to files
     with pytest.raises(ConfigError, match=r"\['origin_mm'\] belong to kind: surfaces"):
         specimens.study(sensor={"shape": {"kind": "dome", "origin_mm": [1.0, 0.0, 0.0]}})
+
+    # Files in millimetres that are called metres are asked about
+    with pytest.raises(SurfaceError, match=r"are the files in mm\? set shape\.mm_per_unit: 1,"):
+        sensor_solids(surfaces(tmp_path, mm_per_unit=1000.0))
 
 
 # -------------------------------------------------------------------------------------------------- the indenter
@@ -162,17 +173,6 @@ def test_the_unit_of_an_indenters_file_is_asked_about(tmp_path, factor, unit, ke
 def test_indenters_of_another_unit_are_asked_about(indenter, words):
     with pytest.raises(ConfigError, match=f"{words}.*size_confirmed: true"):
         planned(indenter)
-
-
-def test_a_fine_pin_and_a_large_plate_can_be_confirmed():
-    fine = {"mesh": {"near_mm": 0.04, "near_radius_mm": 0.5, "far_mm": 2.0}}
-    pin = {"kind": "cylinder", "radius_mm": 0.15, "length_mm": 8.0, "edge_radius_mm": 0.05}
-    plate = {"kind": "box", "size_mm": [80.0, 80.0, 4.0], "edge_radius_mm": 0.5}
-    for indenter in (pin, plate):
-        with pytest.raises(ConfigError, match="size_confirmed: true"):
-            planned(indenter, **fine)
-        assert planned(indenter | {"size_confirmed": True}, **fine)
-    assert planned(pin | {"radius_mm": 0.5}, **fine)  # a pin of 1 mm needs no word
 
 
 def test_a_file_whose_body_lies_beside_its_origin_is_asked_about(tmp_path):

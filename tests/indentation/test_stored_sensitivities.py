@@ -124,8 +124,9 @@ def test_which_derivatives_are_subtracted(stored, request):
     assert apart == SUBTRACTED
 
 
-def test_a_base_that_yields_has_its_own_forces_and_derivatives():
-    """Next to it nothing can be followed: differences of cells, as d Fz / d gel without any compliance but for a little."""
+def test_adhesion_and_a_base_that_yields_have_derivatives_of_their_own():
+    # A base that yields has its own forces and derivatives. Next to it nothing can be followed: differences of
+    # cells, as d Fz / d gel without any compliance but for a little
     study = specimens.study(**TIGHT)
     yielding = CATALOGUE["frame_compliance"](study, 0.05)
     cell = simulate_cell(yielding, specimens.STUDY_LAWS, PLANNED)
@@ -134,6 +135,13 @@ def test_a_base_that_yields_has_its_own_forces_and_derivatives():
     assert_allclose(plain.arrays["total_force_N"], cell.arrays["total_force_N"], rtol=1e-9, atol=1e-12)
     held = sensitivities(study, specimens.STUDY_LAWS, PLANNED, ["gel_stiffness"])["gel_stiffness"].total
     assert_allclose(found["gel_stiffness"].total, held, atol=0.1 * np.abs(held).max())
+
+    # Adhesion does nothing on the way down. Its cohesion begins where a node has touched: derivatives of a press
+    # without unloading are nothing
+    found = sensitivities(study, specimens.STUDY_LAWS, PLANNED, ["adhesion"])["adhesion"]
+    amount = CATALOGUE["adhesion"].width
+    force = simulate_cell(study, specimens.STUDY_LAWS, PLANNED).arrays["total_force_N"]
+    assert np.abs(amount * found.total).max() < 1e-7 * np.abs(force).max()
 
 
 def test_shapes_and_sums(stored):
@@ -152,7 +160,8 @@ def test_what_has_no_derivative_is_refused_with_what_has(name):
         sensitivities(specimens.study(), specimens.STUDY_LAWS, PLANNED, [name])
 
 
-def test_they_are_stored_on_request(tmp_path):
+def test_they_are_stored_on_request_with_one_solution(tmp_path, monkeypatch):
+    # They are stored on request
     names = ["gel_stiffness", "friction"]
     study = specimens.study(sensitivities=names, error_bars=False)
     cell = simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED)
@@ -176,20 +185,18 @@ def test_they_are_stored_on_request(tmp_path):
     assert (down > -1.1).all() and (down < -0.5).all()
     assert "sensitivity_gel_displacement" not in read_cell(_without_gel(tmp_path)).arrays
 
+    # A site with derivatives is solved once
+    starts, start_at = [], Press.start_at
+    monkeypatch.setattr(Press, "start_at", lambda self, centre: starts.append(self) or start_at(self, centre))
+    study = specimens.study(sensitivities=["gel_stiffness"], error_bars=False)
+    assert "sensitivity_total" in simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED).arrays
+    assert len(starts) == 1
+
 
 def _without_gel(folder):
     study = specimens.study(sensitivities=["contact_zero"], error_bars=False)
     write_cell(folder / "forces.h5", simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED))
     return folder / "forces.h5"
-
-
-def test_adhesion_does_nothing_on_the_way_down():
-    """Its cohesion begins where a node has touched: derivatives of a press without unloading are nothing."""
-    study = specimens.study(**TIGHT)
-    found = sensitivities(study, specimens.STUDY_LAWS, PLANNED, ["adhesion"])["adhesion"]
-    amount = CATALOGUE["adhesion"].width
-    force = simulate_cell(study, specimens.STUDY_LAWS, PLANNED).arrays["total_force_N"]
-    assert np.abs(amount * found.total).max() < 1e-7 * np.abs(force).max()
 
 
 @pytest.mark.parametrize(
@@ -216,11 +223,3 @@ def test_a_site_lends_its_own_solution(effects):
     assert (
         np.linalg.norm(anew["gel_stiffness"].total, axis=1) < 2 * force
     ).all()  # that of all moduli is the force
-
-
-def test_a_site_with_derivatives_is_solved_once(monkeypatch):
-    starts, start_at = [], Press.start_at
-    monkeypatch.setattr(Press, "start_at", lambda self, centre: starts.append(self) or start_at(self, centre))
-    study = specimens.study(sensitivities=["gel_stiffness"], error_bars=False)
-    assert "sensitivity_total" in simulate_label(study, specimens.STUDY_LAWS, {}, PLANNED).arrays
-    assert len(starts) == 1

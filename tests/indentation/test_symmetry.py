@@ -12,12 +12,24 @@ WIDTH, N = 12.0, 5
 rng = np.random.default_rng(0)
 
 
-def test_eight_different_elements_closed_under_products_and_inverses():
+def test_eight_elements_form_a_group_and_do_not_change_their_argument():
+    # Eight different elements closed under products and inverses
     members = {tuple(matrix.ravel()) for matrix in D4.values()}
     assert len(members) == 8
     assert {tuple((a @ b).ravel()) for a in D4.values() for b in D4.values()} == members
     assert {tuple(matrix.T.ravel()) for matrix in D4.values()} == members
     assert all(np.array_equal(matrix @ matrix.T, np.eye(2)) for matrix in D4.values())
+
+    # Transformations do not change their argument
+    points, bins = rng.normal(size=(4, 3)), rng.normal(size=(N * N, 3))
+    before = points.copy(), bins.copy()
+    (
+        transform_points("rotate_90", points, WIDTH),
+        transform_vectors("rotate_90", points),
+        transform_bins("swap_xy", bins, N),
+    )
+    assert np.array_equal(points, before[0])
+    assert np.array_equal(bins, before[1])
 
 
 @pytest.mark.parametrize(
@@ -62,15 +74,3 @@ def test_bins_go_where_their_centres_go(name, n, over):
         assert landing.min() < 1e-7 * WIDTH  # the top of a dome, found by its area, which is flat there
         expected[:, landing.argmin()] = transform_vectors(name, forces[:, k])
     assert_allclose(transform_bins(name, forces, n), expected, atol=1e-15)
-
-
-def test_transformations_do_not_change_their_argument():
-    points, bins = rng.normal(size=(4, 3)), rng.normal(size=(N * N, 3))
-    before = points.copy(), bins.copy()
-    (
-        transform_points("rotate_90", points, WIDTH),
-        transform_vectors("rotate_90", points),
-        transform_bins("swap_xy", bins, N),
-    )
-    assert np.array_equal(points, before[0])
-    assert np.array_equal(bins, before[1])

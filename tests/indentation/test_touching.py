@@ -82,16 +82,16 @@ def test_what_never_touches_is_refused_before_anything_is_solved():
         plan_cells(study(sensor=dome, margin=2.0))
 
 
-def test_a_solved_site_that_a_ball_never_touched_has_failed():
-    """Known only afterwards: the first ball's place yields to neither rule of the plan, the mesh decides."""
+def test_parts_that_touch_are_told_apart_and_a_site_without_one_has_failed():
+    # A solved site that a ball never touched has failed. Known only afterwards: the first ball's place yields to
+    # neither rule of the plan, the mesh decides
     cell = label(study(balls(0.7)), depths=(0.4,))
     assert not cell.converged and "part(s) [2] of the indenter never touch(es)" in cell.attributes["reason"]
     stem = label(study(balls(0.7, need_not_touch=True)), depths=(0.4,))
     assert stem.converged
     assert np.array_equal(stem.arrays["total_force_N"], cell.arrays["total_force_N"])
 
-
-def test_parts_are_told_apart_where_the_set_is_turned():
+    # Parts are told apart where the set is turned
     turned = balls(0.3) | {"orientation_deg": [0.0, 0.0, 90.0]}
     assert list(label(study(turned)).attributes["touched_parts"]) == [True, True]
     tilted = balls(0.0) | {"orientation_deg": [0.0, 15.0, 0.0]}  # lowers one ball by 1.3 mm

@@ -43,8 +43,9 @@ def torque(a):
     return (r[..., 0] * f[..., 1] - r[..., 1] * f[..., 0]).sum(axis=1)
 
 
-def test_a_sliding_punch_has_the_torque_of_coulombs_law():
-    """Every node slides around the axis: the torque is the sum of mu N r, whatever the pressure's distribution is."""
+def test_a_punch_slides_by_coulombs_law_or_sticks_as_a_spring():
+    # A sliding punch has the torque of coulombs law. Every node slides around the axis: the torque is the sum of mu
+    # N r, whatever the pressure's distribution is
     mu = 0.05
     a = twisted(PUNCH, mu, (5.0, 10.0))
     assert set(a["node_state"][-1]) == {0, 2}
@@ -54,8 +55,7 @@ def test_a_sliding_punch_has_the_torque_of_coulombs_law():
     assert_allclose(torque(a)[2:], wanted[2:], rtol=0.01)
     assert_allclose(torque(twisted(PUNCH, mu, (-5.0,)))[-1], -torque(a)[2], rtol=1e-6)
 
-
-def test_a_sticking_punch_turns_the_gel_as_a_spring_and_drags_it_nowhere():
+    # A sticking punch turns the gel as a spring and drags it nowhere
     a = twisted(PUNCH, 0.9, (1.0, 2.0))
     t = torque(a)
     assert_allclose(t[3] / t[2], 2, rtol=0.06)  # some nodes of the rim slip
@@ -83,7 +83,8 @@ def test_a_twisted_ball_acts_by_friction_alone():
     assert np.abs(rough["total_force_N"][:, :2]).max() < 1e-8
 
 
-def test_an_edge_that_turns_is_finely_meshed_where_it_goes():
+def test_edges_and_plan_files_twist(tmp_path):
+    # An edge that turns is finely meshed where it goes
     box = specimens.study(indenter=EDGE).indenter
     path = Trajectory(8.0, 8.0, (0.4, 0.4), ("load", "twist"), twists_deg=(0.0, 90.0))
     discs = touched_discs(shape_of(box), path)
@@ -92,8 +93,7 @@ def test_an_edge_that_turns_is_finely_meshed_where_it_goes():
     assert_allclose(np.ptp(discs[len(still) :, 1]), np.ptp(still[:, 0]))  # it lay along x and lies along y
     assert np.ptp(still[:, 0]) > 2 > np.ptp(still[:, 1])
 
-
-def test_a_plan_file_twists(tmp_path):
+    # A plan file twists
     file = tmp_path / "plan.csv"
     file.write_text(
         "cell,x_mm,y_mm,depth_mm,phase,twist_deg\na,8,8,0.4,,0\na,8,8,0.4,,5\na,8,8,0.4,,10\na,8,8,0.2,,10\n"

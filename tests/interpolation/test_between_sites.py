@@ -42,7 +42,8 @@ def test_a_smooth_field_is_met(place):
     )
 
 
-def test_halving_the_spacing_quarters_the_error_at_least():
+def test_halved_spacing_quarters_the_error_and_normal_forces_stay_apart():
+    # Halving the spacing quarters the error at least
     def worst(level):
         sites = solved(level)
         errors = [
@@ -53,6 +54,21 @@ def test_halving_the_spacing_quarters_the_error_at_least():
 
     assert worst(1) < worst(0) / 4
 
+    # Normal and friction forces stay apart
+    found = solved().at(np.array(PLACES[0]), DEPTHS)
+    normal, friction = found.bins[..., :3].sum(axis=1), found.bins[..., 3:].sum(axis=1)
+    assert friction[:, :2] == pytest.approx(-0.3 * normal[:, 2:] * pull(PLACES[0]), rel=1e-2)
+    assert friction[:, 2] == pytest.approx(np.zeros(len(DEPTHS)), abs=1e-15)
+
+    # Moved forces are those of nodes that lie elsewhere. A shift by whole bins moves the bins; one by a part of a
+    # bin keeps total and first moment
+    here = NodalForces.of(site("here", (16.0, 16.0)))
+    at = here.binned(np.array([16.0, 16.0]), STUDY.sensor)
+    moved = here.binned(np.array([17.6, 14.4]), STUDY.sensor)
+    assert moved == pytest.approx(np.roll(at, (-1, 1), axis=(1, 2)), abs=1e-15)
+    part = here.binned(np.array([16.3, 16.0]), STUDY.sensor)
+    assert part.sum(axis=(1, 2)) == pytest.approx(at.sum(axis=(1, 2)), rel=1e-12)
+
 
 @pytest.mark.parametrize("place", PLACES)
 def test_bins_add_up_to_the_weighted_totals(place):
@@ -62,23 +78,6 @@ def test_bins_add_up_to_the_weighted_totals(place):
     fz = sum(w * by_name[name].arrays["total_force_N"][:, 2] for name, w in zip(found.names, found.weights))
     assert sum(found.weights) == pytest.approx(1, abs=1e-9)
     assert found.force[..., 2].sum(axis=1) == pytest.approx(fz, rel=1e-11)
-
-
-def test_normal_and_friction_forces_stay_apart():
-    found = solved().at(np.array(PLACES[0]), DEPTHS)
-    normal, friction = found.bins[..., :3].sum(axis=1), found.bins[..., 3:].sum(axis=1)
-    assert friction[:, :2] == pytest.approx(-0.3 * normal[:, 2:] * pull(PLACES[0]), rel=1e-2)
-    assert friction[:, 2] == pytest.approx(np.zeros(len(DEPTHS)), abs=1e-15)
-
-
-def test_moved_forces_are_those_of_nodes_that_lie_elsewhere():
-    """A shift by whole bins moves the bins; one by a part of a bin keeps total and first moment."""
-    here = NodalForces.of(site("here", (16.0, 16.0)))
-    at = here.binned(np.array([16.0, 16.0]), STUDY.sensor)
-    moved = here.binned(np.array([17.6, 14.4]), STUDY.sensor)
-    assert moved == pytest.approx(np.roll(at, (-1, 1), axis=(1, 2)), abs=1e-15)
-    part = here.binned(np.array([16.3, 16.0]), STUDY.sensor)
-    assert part.sum(axis=(1, 2)) == pytest.approx(at.sum(axis=(1, 2)), rel=1e-12)
 
 
 @pytest.mark.parametrize("symmetry", ["mirror_x", "swap_xy", "rotate_90"])

@@ -80,7 +80,8 @@ def test_predictions_of_many_rows_say_how_far_they_are(trained, capsys, monkeypa
     assert "blocks of 8 rows predicted: " in capsys.readouterr().err
 
 
-def test_an_adapted_model_is_a_model(trained, tmp_path):
+def test_an_adapted_model_is_a_model_unless_readings_have_another_sign(trained, tmp_path):
+    # An adapted model is a model
     model, presses = trained
     changed, _ = adapt(model, with_readings(model, presses, 1.3))
     save_model(tmp_path / "model.pt", changed)
@@ -88,9 +89,7 @@ def test_an_adapted_model_is_a_model(trained, tmp_path):
     np.testing.assert_array_equal(again.predict(presses.feature), changed.predict(presses.feature))
     assert again.settings["adapted"]["gain"] == pytest.approx([1.3] * 3, rel=1e-4)
 
-
-def test_readings_of_another_sign_or_too_few_presses_are_refused(trained):
-    model, presses = trained
+    # Readings of another sign or too few presses are refused
     with pytest.raises(ModelError, match="other axes or signs"):
         adapt(model, with_readings(model, presses, -1.0))
 

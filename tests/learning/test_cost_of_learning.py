@@ -14,13 +14,19 @@ from gelforge.progress import duration
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_row_has_the_bytes_that_a_shard_holds(tmp_path):
+def test_a_row_has_the_bytes_of_a_shard_and_jobs_of_a_cluster_ask_for_them(tmp_path):
+    # A row has the bytes that a shard holds
     study = study_of(regions=4, bins=5)
     (path, *_) = write_shards(tmp_path, small_rows(), study)
     with h5py.File(path) as shard:
         numbers = [data for data in shard.values() if not h5py.check_string_dtype(data.dtype)]
         rows = len(numbers[0])
         assert sum(data.size * data.dtype.itemsize for data in numbers) == rows * row_bytes(study)
+
+    # Jobs of a cluster ask by the same numbers
+    rules = (ROOT / "workflow/rules/cluster.smk").read_text()
+    for asked in ("features(", "drawing(", "training(", "evaluation(", "mismatch("):
+        assert f"costs().{asked}" in rules
 
 
 def test_the_estimate_of_a_study_has_images_and_training_in_it():
@@ -45,9 +51,3 @@ def test_the_estimate_of_a_study_has_images_and_training_in_it():
     assert time_line(Costs(study, plan_cells(study)), 60.0) == (
         "time       about 30 s on two cores (estimate): finite elements 30 s"
     )
-
-
-def test_jobs_of_a_cluster_ask_by_the_same_numbers():
-    rules = (ROOT / "workflow/rules/cluster.smk").read_text()
-    for asked in ("features(", "drawing(", "training(", "evaluation(", "mismatch("):
-        assert f"costs().{asked}" in rules

@@ -156,16 +156,6 @@ def test_a_shallow_nonlinear_indentation_moves_as_its_bin_forces_say():
     assert np.linalg.norm(flow - expected) < 0.15 * np.linalg.norm(flow)  # a few dozen particles a region
 
 
-def test_regions_without_gel_show_no_flow():
-    sensor = sensor_of()
-    mesh = operator._even_mesh(sensor, Mechanics())
-    wide = flat(0.1, 12.0).model_copy(update={"width_px": 240, "centre_px": [59.5, 59.5]})
-    seen = seen_flow(mesh, sensor, wide, 8, None, 0.3)
-    shown = np.asarray(np.abs(seen).sum(axis=1)).reshape(2, 8, 8) > 0
-    assert shown[:, :, :4].all()
-    assert not shown[:, :, 4:].any()
-
-
 # --------------------------------------------------------------------------------------------------- solver
 @pytest.fixture(scope="module")
 def inverse():
@@ -185,7 +175,8 @@ def contact(rng, count=1):
     return force
 
 
-def test_nearest_forces_in_the_cone():
+def test_nearest_forces_lie_in_the_cone_and_totals_that_agree_are_not_marked():
+    # Nearest forces in the cone
     rng, mu = np.random.default_rng(0), 0.6
     force = rng.normal(size=(200, 30))
     near = in_cone(force, mu).reshape(-1, 3)
@@ -198,9 +189,24 @@ def test_nearest_forces_in_the_cone():
     away = force.reshape(-1, 3) - near
     assert (away @ others.T <= (away * near).sum(axis=1)[:, None] + 1e-9).all()
 
+    # Totals that agree are not marked. 995 of 1000 known rows; others that differ by more than the share are, and
+    # the gain is no difference
+    rng = np.random.default_rng(6)
+    true = np.column_stack([0.1 * rng.normal(size=(1000, 2)), -rng.uniform(0, 2, 1000)])
+    check = find_check(1.2 * true * (1 + 0.05 * rng.normal(size=(1000, 1))), true)
+    assert check.gain == pytest.approx(1.2, rel=0.01)
+    found = check.disagreement(1.2 * true * (1 + 0.05 * rng.normal(size=(1000, 1))), true)
+    assert (found > 1).mean() < 0.01
+    assert (check.disagreement(1.2 * true * 1.5, true)[-true[:, 2] > 0.5] > 1).all()
+    sheared = 1.2 * true + [0.5, 0.0, 0.0]
+    assert (check.disagreement(sheared, true)[-true[:, 2] > 0.5] > 1).all()
+    assert find_check(true[:50], true[:50]) is None
+    assert find_check(np.zeros_like(true), true) is None
 
-def test_the_solution_is_that_of_projected_gradients(inverse):
-    """A twin of few lines: steps down the gradient of the same function, each back into the cone."""
+
+def test_the_solution_is_that_of_projected_gradients_and_of_unrolled_iterations(inverse):
+    # The solution is that of projected gradients. A twin of few lines: steps down the gradient of the same
+    # function, each back into the cone
     solver, G = inverse
     flow = (contact(np.random.default_rng(1), 3).reshape(3, -1) @ G.T).astype("f4")
     found = solver.solve(flow, 2000).force
@@ -213,9 +219,20 @@ def test_the_solution_is_that_of_projected_gradients(inverse):
         force = in_cone(force - (force @ H - solver.explained(flow)) / steepest, solver.friction)
     np.testing.assert_allclose(found, force, atol=2e-3 * np.abs(force).max())
 
+    # Unrolled iterations are the solver s
+    solver = replace(inverse[0], unit_N=np.float32([0.1, 0.2, 0.7]))
+    rng = np.random.default_rng(5)
+    flow = rng.normal(size=(4, 128)).astype("f4")
+    u, v = flow.reshape(4, 2, -1).transpose(1, 0, 2)
+    expected = solver.inputs(np.concatenate([np.hypot(u, v), np.arctan2(v, u)], axis=1))
+    with torch.inference_mode():
+        found = Unrolled(solver)(torch.from_numpy(flow)).numpy()
+    np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
 
-def test_forces_are_found_again_and_grow_with_the_flow(inverse):
-    """A few bins of a small sensor: totals within what the penalties take, 15 %; none where nothing moves."""
+
+def test_forces_are_found_again_also_in_few_iterations_from_the_frame_before(inverse):
+    # Forces are found again and grow with the flow. A few bins of a small sensor: totals within what the penalties
+    # take, 15 %; none where nothing moves
     solver, G = inverse
     force = contact(np.random.default_rng(2), 20)
     flow = (force.reshape(20, -1) @ G.T).astype("f4")
@@ -231,9 +248,7 @@ def test_forces_are_found_again_and_grow_with_the_flow(inverse):
     one, three = solver.solve(flow).force, solver.solve(3 * flow).force
     np.testing.assert_allclose(three, 3 * one, atol=1e-4 * np.abs(three).max())
 
-
-def test_a_few_iterations_are_enough_from_the_frame_before(inverse):
-    solver, G = inverse
+    # A few iterations are enough from the frame before
     force = contact(np.random.default_rng(4))
     state = State(*(np.zeros((1, 108), "f4"),) * 2)
     for depth in np.linspace(0.5, 1, 30):
@@ -245,33 +260,6 @@ def test_a_few_iterations_are_enough_from_the_frame_before(inverse):
         np.abs(solver.solve(flow, WARM_ITERATIONS).force - expected).max()
         > 3 * np.abs(state.force - expected).max()
     )
-
-
-def test_unrolled_iterations_are_the_solver_s(inverse):
-    solver = replace(inverse[0], unit_N=np.float32([0.1, 0.2, 0.7]))
-    rng = np.random.default_rng(5)
-    flow = rng.normal(size=(4, 128)).astype("f4")
-    u, v = flow.reshape(4, 2, -1).transpose(1, 0, 2)
-    expected = solver.inputs(np.concatenate([np.hypot(u, v), np.arctan2(v, u)], axis=1))
-    with torch.inference_mode():
-        found = Unrolled(solver)(torch.from_numpy(flow)).numpy()
-    np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
-
-
-# --------------------------------------------------------------------------------------------------- check
-def test_totals_that_agree_are_not_marked():
-    """995 of 1000 known rows; others that differ by more than the share are, and the gain is no difference."""
-    rng = np.random.default_rng(6)
-    true = np.column_stack([0.1 * rng.normal(size=(1000, 2)), -rng.uniform(0, 2, 1000)])
-    check = find_check(1.2 * true * (1 + 0.05 * rng.normal(size=(1000, 1))), true)
-    assert check.gain == pytest.approx(1.2, rel=0.01)
-    found = check.disagreement(1.2 * true * (1 + 0.05 * rng.normal(size=(1000, 1))), true)
-    assert (found > 1).mean() < 0.01
-    assert (check.disagreement(1.2 * true * 1.5, true)[-true[:, 2] > 0.5] > 1).all()
-    sheared = 1.2 * true + [0.5, 0.0, 0.0]
-    assert (check.disagreement(sheared, true)[-true[:, 2] > 0.5] > 1).all()
-    assert find_check(true[:50], true[:50]) is None
-    assert find_check(np.zeros_like(true), true) is None
 
 
 # --------------------------------------------------------------------------------------------------- study
@@ -310,7 +298,8 @@ def test_a_study_without_operator_says_why(laws, seen, sensor, reason):
         inverse_of(study, laws, seen)
 
 
-def test_loads_are_spread_evenly_over_their_bins():
+def test_loads_are_even_over_their_bins_and_regions_without_gel_show_no_flow():
+    # Loads are spread evenly over their bins
     sensor = sensor_of(bins=(6, 4))
     mesh = operator._even_mesh(sensor, Mechanics())
     load = bin_loads(mesh, sensor)
@@ -321,3 +310,12 @@ def test_loads_are_spread_evenly_over_their_bins():
         centre[:, :2], np.column_stack([index % 6 + 0.5, index // 6 + 0.5]) * [2.0, 3.0], atol=1e-9
     )
     assert sp.issparse(load)
+
+    # Regions without gel show no flow
+    sensor = sensor_of()
+    mesh = operator._even_mesh(sensor, Mechanics())
+    wide = flat(0.1, 12.0).model_copy(update={"width_px": 240, "centre_px": [59.5, 59.5]})
+    seen = seen_flow(mesh, sensor, wide, 8, None, 0.3)
+    shown = np.asarray(np.abs(seen).sum(axis=1)).reshape(2, 8, 8) > 0
+    assert shown[:, :, :4].all()
+    assert not shown[:, :, 4:].any()

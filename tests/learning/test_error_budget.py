@@ -37,7 +37,8 @@ def errors(optics, learning, mechanics):
     }
 
 
-def test_each_part_of_a_known_error_is_found():
+def test_each_part_of_a_known_error_is_found_and_what_is_undone_is_nobodys():
+    # Each part of a known error is found
     table = budget_of(errors(**SIZES), mm_per_px=0.08).set_index("part")
     for name, size in SIZES.items():
         assert_allclose(table.loc[name, ["bins_x_N", "bins_z_N"]].astype(float), [size, 3 * size], rtol=1e-12)
@@ -50,15 +51,8 @@ def test_each_part_of_a_known_error_is_found():
     )
     assert table.loc["learning":, "flow_px"].isna().all()
 
-
-@pytest.mark.parametrize("name", SIZES)
-def test_a_part_that_is_absent_is_none(name):
-    table = budget_of(errors(**(SIZES | {name: 0.0})), mm_per_px=0.08).set_index("part")
-    assert table.loc[name, "total_z_N"] == pytest.approx(0.0, abs=1e-9)  # the root of a rounding
-
-
-def test_what_the_network_has_learnt_to_undo_is_nobodys_error():
-    """Flow off by the noise and by what is the same in training: from true motion the network errs the other way."""
+    # What the network has learnt to undo is nobodys error. Flow off by the noise and by what is the same in
+    # training: from true motion the network errs the other way
     noise, known = 0.003 * ONE, 0.02 * TWO
     optics, learning = shared_out(noise, noise + known)  # error = (noise + known) - known
     assert optics == pytest.approx(0.003, rel=1e-12)
@@ -66,6 +60,12 @@ def test_what_the_network_has_learnt_to_undo_is_nobodys_error():
 
     # Without rows nothing is known
     assert np.isnan(shared_out(np.empty(0), np.empty(0))).all()
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_a_part_that_is_absent_is_none(name):
+    table = budget_of(errors(**(SIZES | {name: 0.0})), mm_per_px=0.08).set_index("part")
+    assert table.loc[name, "total_z_N"] == pytest.approx(0.0, abs=1e-9)  # the root of a rounding
 
 
 @pytest.mark.parametrize(

@@ -87,21 +87,8 @@ def test_the_error_on_training_rows_is_of_rows_that_trained_alone(evaluated):
         assert row[name] == pytest.approx(naive_rmse(predicted, true, axis, True), rel=1e-5)
 
 
-def test_of_many_training_rows_some_are_asked_one_image_each(tmp_path, monkeypatch):
-    monkeypatch.setattr("gelforge.learning.judging.predictions.TRAINING_ROWS", 20)
-    study, rows = study_of(regions=4, bins=5, **SMALL | {"steps": 4}), small_rows()
-    twice = {name: np.repeat(values, 2, axis=0) for name, values in rows.items()}
-    shards = write_shards(tmp_path / "dataset", twice, study)
-    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1))
-    sets = LearningSets.of(shards)
-    predict_test_rows(tmp_path / "model.pt", sets, study, tmp_path / "predictions.h5", threads=1)
-    with h5py.File(tmp_path / "predictions.h5") as file:
-        true = file["training/true_N"][()]
-    touched = true[true.any(axis=(1, 2))]
-    assert len(true) == 20 and len(np.unique(touched, axis=0)) == len(touched) > 1
-
-
-def test_errors_of_the_total_force(evaluated):
+def test_errors_of_the_total_force_stand_next_to_baselines(evaluated):
+    # Errors of the total force
     predicted, true = maps(evaluated[1])
     table = rmse_table(Predictions(evaluated[1])).set_index("error")
     with h5py.File(evaluated[1]) as file:
@@ -112,27 +99,7 @@ def test_errors_of_the_total_force(evaluated):
         assert table.loc["RMSET_FEM", name] == pytest.approx(np.sqrt(np.mean(np.square(fem))), rel=1e-9)
         assert table.loc["RMSET_FT", name] == pytest.approx(np.sqrt(np.mean(np.square(ft))), rel=1e-9)
 
-
-def test_predictions_hold_all_test_rows_and_the_mean_of_training(evaluated):
-    shards, path = evaluated
-    rows = ShardDataset(shards, "test")
-    expected = rows.read(np.arange(len(rows)), ["cell", "press", "untouched", "force_distribution_N"])
-    with h5py.File(path) as file:
-        assert list(file["cell"].asstr()) == list(expected["cell"])
-        assert list(file["press"].asstr()) == list(expected["press"])
-        np.testing.assert_array_equal(file["untouched"], expected["untouched"])
-        np.testing.assert_array_equal(file["true_N"], expected["force_distribution_N"])
-        assert file.attrs["synthetic"]
-
-    # Training mean is that of touched training rows
-    rows = ShardDataset(evaluated[0], "train")
-    block = rows.read(np.arange(len(rows)), ["force_distribution_N", "untouched"])
-    mean = block["force_distribution_N"][~block["untouched"]].astype(float).mean(axis=0)
-    np.testing.assert_allclose(Predictions(evaluated[1]).training_mean, mean, rtol=1e-12, atol=1e-15)
-
-
-def test_baselines_stand_beside_the_network(evaluated):
-    predicted, true = maps(evaluated[1])
+    # Baselines stand beside the network
     predictions = Predictions(evaluated[1])
     table = baselines_table(predictions).set_index("predictor")
     mean = np.broadcast_to(predictions.training_mean, true.shape)
@@ -154,6 +121,39 @@ def test_baselines_stand_beside_the_network(evaluated):
             said = file[f"baselines/{name}"][()].astype(float)
         assert table.loc[name, "RMSES_z_N"] == pytest.approx(naive_rmse(said, true, 2, True), rel=1e-9)
         assert table.loc[name, "RMSES_z_N"] < table.loc["zero", "RMSES_z_N"]
+
+
+def test_predictions_hold_all_test_rows_and_errors_by_class_share_them_out(evaluated):
+    # Predictions hold all test rows and the mean of training
+    shards, path = evaluated
+    rows = ShardDataset(shards, "test")
+    expected = rows.read(np.arange(len(rows)), ["cell", "press", "untouched", "force_distribution_N"])
+    with h5py.File(path) as file:
+        assert list(file["cell"].asstr()) == list(expected["cell"])
+        assert list(file["press"].asstr()) == list(expected["press"])
+        np.testing.assert_array_equal(file["untouched"], expected["untouched"])
+        np.testing.assert_array_equal(file["true_N"], expected["force_distribution_N"])
+        assert file.attrs["synthetic"]
+
+    # Training mean is that of touched training rows
+    rows = ShardDataset(evaluated[0], "train")
+    block = rows.read(np.arange(len(rows)), ["force_distribution_N", "untouched"])
+    mean = block["force_distribution_N"][~block["untouched"]].astype(float).mean(axis=0)
+    np.testing.assert_allclose(Predictions(evaluated[1]).training_mean, mean, rtol=1e-12, atol=1e-15)
+
+    # Errors by class share out the rows
+    predictions, (predicted, true) = Predictions(evaluated[1]), maps(evaluated[1])
+    table = errors_by_table(predictions)
+    touched = int((~predictions.untouched).sum())
+    for by in ("depth", "place", "nearest training site", "session"):
+        assert table.loc[table["by"] == by, "rows"].sum() == touched
+    assert table.loc[table["by"] == "contact", "rows"].sum() == len(true) - touched
+    first = table[table["by"] == "depth"].iloc[0]
+    chosen = ~predictions.untouched & np.isclose(
+        predictions.depth_mm, float(first["class"].split()[0]), atol=1e-3
+    )
+    expected = naive_rmse(predicted[chosen], true[chosen], 0, True)
+    assert first["RMSES_x_N"] == pytest.approx(expected, rel=1e-9)
 
 
 def test_inverse_elasticity_stands_beside_with_its_gain():
@@ -182,21 +182,6 @@ def test_inverse_elasticity_stands_beside_with_its_gain():
     assert 2 < found.gain < 2.5
     assert not total[::4].any()
     assert fit_inverse(Rows(), np.empty(0, int), inverse, (5, 5, np.array([5.0, 5.0])), 1).gain == 1
-
-
-def test_errors_by_class_share_out_the_rows(evaluated):
-    predictions, (predicted, true) = Predictions(evaluated[1]), maps(evaluated[1])
-    table = errors_by_table(predictions)
-    touched = int((~predictions.untouched).sum())
-    for by in ("depth", "place", "nearest training site", "session"):
-        assert table.loc[table["by"] == by, "rows"].sum() == touched
-    assert table.loc[table["by"] == "contact", "rows"].sum() == len(true) - touched
-    first = table[table["by"] == "depth"].iloc[0]
-    chosen = ~predictions.untouched & np.isclose(
-        predictions.depth_mm, float(first["class"].split()[0]), atol=1e-3
-    )
-    expected = naive_rmse(predicted[chosen], true[chosen], 0, True)
-    assert first["RMSES_x_N"] == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_distance_to_training_is_that_of_the_nearest_mirror_image(evaluated):
@@ -253,8 +238,9 @@ def test_reliability_and_coverage_of_intervals(evaluated, tmp_path):
     assert (off <= 0.05).sum() < (off <= wider).sum()  # else the two kinds of interval could be exchanged
 
 
-def test_a_training_without_validation_rows_can_be_evaluated(tmp_path):
-    """Two orbits: one tests, one trains, none is left to monitor the loss or to choose a baseline by."""
+def test_few_and_many_training_rows_can_be_evaluated(tmp_path, monkeypatch):
+    # A training without validation rows can be evaluated. Two orbits: one tests, one trains, none is left to
+    # monitor the loss or to choose a baseline by
     study = study_of(regions=4, bins=5, **SMALL | {"steps": 8})
     shards = write_shards(tmp_path / "dataset", small_rows(cells=2), study)
     train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", Run(threads=1))
@@ -262,17 +248,24 @@ def test_a_training_without_validation_rows_can_be_evaluated(tmp_path):
     predict_test_rows(tmp_path / "model.pt", LearningSets.of(shards), study, out, threads=1)
     assert np.isfinite(baselines_table(Predictions(out))["RMSES_N"]).all()
 
+    # Of many training rows some are asked one image each
+    many = tmp_path / "many"
+    many.mkdir()
+    monkeypatch.setattr("gelforge.learning.judging.predictions.TRAINING_ROWS", 20)
+    study, rows = study_of(regions=4, bins=5, **SMALL | {"steps": 4}), small_rows()
+    twice = {name: np.repeat(values, 2, axis=0) for name, values in rows.items()}
+    shards = write_shards(many / "dataset", twice, study)
+    train(study, shards, many / "model.pt", many / "loss.csv", Run(threads=1))
+    sets = LearningSets.of(shards)
+    predict_test_rows(many / "model.pt", sets, study, many / "predictions.h5", threads=1)
+    with h5py.File(many / "predictions.h5") as file:
+        true = file["training/true_N"][()]
+    touched = true[true.any(axis=(1, 2))]
+    assert len(true) == 20 and len(np.unique(touched, axis=0)) == len(touched) > 1
 
-def test_centre_of_pressure_of_one_bin_and_of_two():
-    force = np.zeros((3, 6, 3))
-    force[0, 4, 2] = -1.0  # ix 1, iy 1 of 3 x 2 bins
-    force[1, [0, 2], 2] = -1.0, -3.0
-    centres = centre_of_pressure(force, 3, 2, np.array([6.0, 6.0]))
-    np.testing.assert_allclose(centres[:2], [[3.0, 4.5], [4.0, 1.5]], rtol=1e-12)
-    assert np.isnan(centres[2]).all()
 
-
-def test_force_ranges(evaluated):
+def test_force_ranges_and_centres_of_pressure_are_those_of_the_rows(evaluated):
+    # Force ranges
     rows = ShardDataset(evaluated[0])
     label = rows.read(np.arange(len(rows)), ["force_distribution_N"])["force_distribution_N"].astype(float)
     for ranges in (label_ranges(evaluated[0]), Predictions(evaluated[1]).label_range):
@@ -283,6 +276,14 @@ def test_force_ranges(evaluated):
             min(sum(row[:, 2]) for row in label), rel=1e-12
         )
         assert table.loc["total force", "z_max_N"] == 0.0
+
+    # Centre of pressure of one bin and of two
+    force = np.zeros((3, 6, 3))
+    force[0, 4, 2] = -1.0  # ix 1, iy 1 of 3 x 2 bins
+    force[1, [0, 2], 2] = -1.0, -3.0
+    centres = centre_of_pressure(force, 3, 2, np.array([6.0, 6.0]))
+    np.testing.assert_allclose(centres[:2], [[3.0, 4.5], [4.0, 1.5]], rtol=1e-12)
+    assert np.isnan(centres[2]).all()
 
 
 def test_damaged_predictions_are_named(evaluated, tmp_path):

@@ -76,7 +76,8 @@ def test_an_impossible_rate_is_refused(fps):
 
 
 # ------------------------------------------------------------------------------------------ computation
-def test_a_reading_holds_totals_intervals_and_centre_if_touched():
+def test_a_reading_holds_totals_intervals_and_centre_at_any_scale():
+    # A reading holds totals intervals and centre if touched
     reading = force_of()(shot(MOVED))
     assert reading.touched
     np.testing.assert_allclose(reading.total_N, reading.force_N.sum(axis=0))
@@ -98,8 +99,7 @@ def test_a_reading_holds_totals_intervals_and_centre_if_touched():
     assert reading.contacts == ()
     assert not reading.force_N.any()
 
-
-def test_frames_are_reduced_as_the_images_that_the_model_learnt_from():
+    # Frames are reduced as the images that the model learnt from
     whole, small = force_of()(shot(MOVED)), force_of(scale=0.8)
     assert small.extract.flow.reference.shape == (96, 128)
     # 1.8 px above the model's threshold at either scale; in pixels of the reduced image it would be 1.4
@@ -121,16 +121,9 @@ def test_a_camera_that_has_changed_warns_and_goes_on(change, words):
     assert any(words in text for text in reading.warnings)
 
 
-def test_no_message_has_a_number_that_is_not_finite():
-    for image in (STILL, MOVED, pattern(0, (100, 100))):
-        text = text_of(of_reading(force_of()(shot(image)), {}, field=True))
-        json.loads(text, parse_constant=lambda name: pytest.fail(name))
-    with pytest.raises(ValueError):
-        text_of({"force_N": float("nan")})
-
-
 # ----------------------------------------------------------------------------------------------- server
-def test_two_clients_are_sent_forces_and_one_may_vanish():
+def test_two_clients_are_sent_forces_until_one_vanishes_or_the_camera_stops():
+    # Two clients are sent forces and one may vanish
     with LiveRun() as run, connect(run.url) as one, connect(run.url + "?field=1") as other:
         assert received(one, "about")["synthetic"] is True
         received(other, "about")
@@ -146,6 +139,14 @@ def test_two_clients_are_sent_forces_and_one_may_vanish():
         until(lambda: run.server.clients == 1)
         run.source.hand(STILL)
         assert received(one)["state"] == "untouched"
+
+    # A camera that stops ends the run and says so
+    run = LiveRun(fails=True)
+    with run, connect(run.url) as client:
+        until(lambda: run.server.clients == 1)
+        run.source.hand(ImageError("camera 0: no frame after 3; is it still connected?"))
+        assert "still connected" in received(client, "end")["text"]
+    assert isinstance(run.error, ImageError)
 
 
 def test_a_client_that_reads_nothing_holds_back_nobody():
@@ -227,22 +228,23 @@ def test_what_is_no_command_is_refused_and_the_stream_goes_on(text):
         assert received(client)["state"] == "untouched"
 
 
-def test_a_client_that_sends_too_much_is_let_go():
+def test_a_client_that_sends_too_much_is_let_go_and_a_port_in_use_told():
+    # A client that sends too much is let go
     with LiveRun() as run, connect(run.url) as client:
         client.send("x" * 2000)
         with pytest.raises(ConnectionClosed) as found:
             received(client)
         assert found.value.rcvd.code == 1009
 
-
-def test_a_port_in_use_is_told():
+    # A port in use is told
     with LiveRun() as run, pytest.raises(LiveError, match="in use; give another --port"):
         with Server("127.0.0.1", run.server.port, {}):
             pass
 
 
 # ------------------------------------------------------------------------------------------------- runs
-def test_frames_of_another_size_are_told_and_the_stream_goes_on():
+def test_frames_of_another_size_are_told_in_finite_numbers():
+    # Frames of another size are told and the stream goes on
     with LiveRun() as run, connect(run.url) as client:
         until(lambda: run.server.clients == 1)
         run.source.hand(pattern(0, (100, 100)))
@@ -253,14 +255,12 @@ def test_frames_of_another_size_are_told_and_the_stream_goes_on():
         run.source.hand(MOVED)
         assert received(client)["state"] == "touched"
 
-
-def test_a_camera_that_stops_ends_the_run_and_says_so():
-    run = LiveRun(fails=True)
-    with run, connect(run.url) as client:
-        until(lambda: run.server.clients == 1)
-        run.source.hand(ImageError("camera 0: no frame after 3; is it still connected?"))
-        assert "still connected" in received(client, "end")["text"]
-    assert isinstance(run.error, ImageError)
+    # No message has a number that is not finite
+    for image in (STILL, MOVED, pattern(0, (100, 100))):
+        text = text_of(of_reading(force_of()(shot(image)), {}, field=True))
+        json.loads(text, parse_constant=lambda name: pytest.fail(name))
+    with pytest.raises(ValueError):
+        text_of({"force_N": float("nan")})
 
 
 def test_zero_takes_the_frame_as_reference():
@@ -275,7 +275,8 @@ def test_zero_takes_the_frame_as_reference():
         assert (message["state"], message["zero"]) == ("untouched", 1)
 
 
-def test_recordings_hold_what_was_sent(tmp_path):
+def test_recordings_hold_what_was_sent_up_to_their_size(tmp_path):
+    # Recordings hold what was sent
     with LiveRun(tmp_path) as run, connect(run.url) as client:
         until(lambda: run.server.clients == 1)
         sent = []
@@ -295,19 +296,10 @@ def test_recordings_hold_what_was_sent(tmp_path):
             np.sum(file["force_distribution_N"], axis=1), file["total_force_N"], atol=1e-6
         )
 
-
-def test_a_folder_that_cannot_be_written_does_not_stop_the_forces(tmp_path):
-    (tmp_path / "file").write_text("")
-    with LiveRun(tmp_path / "file" / "folder") as run, connect(run.url) as client:
-        until(lambda: run.server.clients == 1)
-        run.source.hand(MOVED)
-        message = received(client)
-        assert message["state"] == "touched"
-        assert "cannot record" in message["trouble"]
-
-
-def test_a_recording_ends_at_its_size_and_the_forces_go_on(tmp_path):
-    with LiveRun(tmp_path, limits=Limits(largest_mb=0.001)) as run, connect(run.url) as client:
+    # A recording ends at its size and the forces go on
+    small = tmp_path / "small"
+    small.mkdir()
+    with LiveRun(small, limits=Limits(largest_mb=0.001)) as run, connect(run.url) as client:
         until(lambda: run.server.clients == 1)
         for _ in range(6):  # 20 bins: 0.3 kB each
             run.source.hand(MOVED)
@@ -317,16 +309,28 @@ def test_a_recording_ends_at_its_size_and_the_forces_go_on(tmp_path):
             message = received(client)
         assert message["state"] == "touched"
         assert "recording ended at 0.00" in message["trouble"] and "--max-recording-mb" in message["trouble"]
-    (path,) = tmp_path.glob("live-*.h5")
+    (path,) = small.glob("live-*.h5")
     with h5py.File(path) as file:
         assert 4 <= len(file["number"]) < 20
     assert sum("recording ended" in text for text in run.said) == 1
 
 
-def test_a_folder_with_as_many_recordings_as_allowed_takes_no_more(tmp_path):
+def test_folders_that_are_full_or_cannot_be_written_do_not_stop_the_forces(tmp_path):
+    # A folder that cannot be written does not stop the forces
+    (tmp_path / "file").write_text("")
+    with LiveRun(tmp_path / "file" / "folder") as run, connect(run.url) as client:
+        until(lambda: run.server.clients == 1)
+        run.source.hand(MOVED)
+        message = received(client)
+        assert message["state"] == "touched"
+        assert "cannot record" in message["trouble"]
+
+    # A folder with as many recordings as allowed takes no more
+    full = tmp_path / "full"
+    full.mkdir()
     for number in range(2):
-        (tmp_path / f"live-{number}.h5").touch()
-    with LiveRun(tmp_path, limits=Limits(recordings=2)) as run, connect(run.url) as client:
+        (full / f"live-{number}.h5").touch()
+    with LiveRun(full, limits=Limits(recordings=2)) as run, connect(run.url) as client:
         until(lambda: run.server.clients == 1)
         run.source.hand(MOVED)
         message = received(client)
@@ -334,7 +338,7 @@ def test_a_folder_with_as_many_recordings_as_allowed_takes_no_more(tmp_path):
         assert (
             "holds 2 recordings, limit 2" in message["trouble"] and "--max-recordings" in message["trouble"]
         )
-    assert len(list(tmp_path.iterdir())) == 2
+    assert len(list(full.iterdir())) == 2
 
 
 def test_totals_that_flicker_between_agreement_and_none_print_little():

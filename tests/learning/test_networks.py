@@ -37,8 +37,9 @@ def test_seeds_make_networks(name):
     assert not torch.equal(weights(1), weights(2))
 
 
-def test_a_unet_keeps_places():
-    """What moves next to the left side of the image loads bins there first: x of regions is x of bins, and so is y."""
+def test_a_unet_keeps_places_and_passes_the_inverse_on():
+    # A unet keeps places. What moves next to the left side of the image loads bins there first: x of regions is x
+    # of bins, and so is y
     network = make_network(Learning(), Grids(40, 20, 20), seed=0)
     torch.nn.init.ones_(network.last.weight)
     maps = torch.zeros(1, 2, 40, 40)
@@ -49,6 +50,15 @@ def test_a_unet_keeps_places():
     row, column = divmod(int(change.argmax()), 20)
     assert abs(row - 15) <= 3
     assert abs(column - 2) <= 3
+
+    # An untrained unet passes the inverse on. Forces of the inverse reach their bins times the factor of their
+    # component
+    network = make_network(Learning(network="unet_inverse", channels=4), Grids(8, 5, 3), seed=0)
+    with torch.no_grad():
+        network.skip.copy_(torch.tensor([1.0, 2.0, 3.0]))
+        forces = torch.randn(2, 45)
+        found = network(torch.cat([torch.randn(2, 128), forces], dim=1))
+    torch.testing.assert_close(found.reshape(2, 15, 3), forces.reshape(2, 15, 3) * network.skip)
 
 
 @pytest.mark.parametrize("name", ["unet", "unet_inverse", "cnn"])
@@ -65,17 +75,8 @@ def test_the_signal_keeps_its_size_up_to_the_last_layer_which_is_zero(name):
     assert not outputs.any()
 
 
-def test_an_untrained_unet_passes_the_inverse_on():
-    """Forces of the inverse reach their bins times the factor of their component."""
-    network = make_network(Learning(network="unet_inverse", channels=4), Grids(8, 5, 3), seed=0)
-    with torch.no_grad():
-        network.skip.copy_(torch.tensor([1.0, 2.0, 3.0]))
-        forces = torch.randn(2, 45)
-        found = network(torch.cat([torch.randn(2, 128), forces], dim=1))
-    torch.testing.assert_close(found.reshape(2, 15, 3), forces.reshape(2, 15, 3) * network.skip)
-
-
-def test_keys_belong_to_a_network_and_have_usual_values():
+def test_keys_belong_to_a_network_as_in_the_guides_example(tmp_path, monkeypatch):
+    # Keys belong to a network and have usual values
     with pytest.raises(
         ValidationError, match=r"hidden is a key of network paper, found network unet; .*set network: paper"
     ):
@@ -98,8 +99,7 @@ def test_keys_belong_to_a_network_and_have_usual_values():
     assert Learning(input_form="vector").usual.steps == 54_000
     assert Learning(steps=5).network == "unet"
 
-
-def test_the_guides_example_is_a_network(tmp_path, monkeypatch):
+    # The guides example is a network
     file = Path(shutil.copy("docs/adding/examples/linear.py", tmp_path))
     monkeypatch.setattr(networks, "__path__", [*networks.__path__, str(tmp_path)])
     network = network_of("linear").make(Learning(), Grids(7, 5, 3), 1)

@@ -101,7 +101,8 @@ def test_forces_zeros_and_intervals_are_pytorchs(pair):
         np.testing.assert_allclose(found, expected, rtol=limit, atol=limit * size)
 
 
-def test_the_file_says_what_it_is(pair):
+def test_the_file_says_what_it_is_and_checks_totals_as_pytorch(pair):
+    # The file says what it is
     _, path = pair
     proto = onnx.load(path)
     onnx.checker.check_model(proto)
@@ -111,17 +112,7 @@ def test_the_file_says_what_it_is(pair):
     assert told["settings"]["synthetic"] is True
     assert "[N]" in told["units"]["force_N"]
 
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_features_that_are_not_finite_are_refused(pair, bad):
-    model, path = pair
-    feature = np.zeros(len(model.scaling.input_mean), np.float32)
-    feature[2] = bad
-    with pytest.raises(ModelError, match="1 features are not"):
-        load_onnx(path).predict(feature)
-
-
-def test_the_check_of_totals_is_pytorchs(pair):
+    # The check of totals is pytorchs
     model, path = pair
     loaded = load_onnx(path)
     for feature in trial_features(model)[1:]:
@@ -137,6 +128,15 @@ def test_the_check_of_totals_is_pytorchs(pair):
         expected = model.inverse.solve(next_flow, WARM_ITERATIONS, state).force
         assert np.abs(expected - model.inverse.solve(next_flow).force).max() > 1e-3 * np.abs(expected).max()
         np.testing.assert_array_equal(loaded.follow(2 * feature, state)[2].force, expected)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_features_that_are_not_finite_are_refused(pair, bad):
+    model, path = pair
+    feature = np.zeros(len(model.scaling.input_mean), np.float32)
+    feature[2] = bad
+    with pytest.raises(ModelError, match="1 features are not"):
+        load_onnx(path).predict(feature)
 
 
 def test_a_model_without_inverse_or_with_other_forces_is_told(exported, tmp_path):

@@ -39,7 +39,8 @@ def frames(*shifts):
     return [Frame(f"{i}.png", 0.1 * i, pattern(shift)) for i, shift in enumerate(shifts)]
 
 
-def test_frames_give_what_the_stages_give_one_by_one(predictor):
+def test_frames_give_what_the_stages_give_and_others_stop(predictor):
+    # Frames give what the stages give one by one
     reference = pattern(0)
     found = list(predict_frames(predictor, frames(0, 1.5, 3), reference))
     for frame, prediction in zip(frames(0, 1.5, 3), found, strict=True):
@@ -53,6 +54,17 @@ def test_frames_give_what_the_stages_give_one_by_one(predictor):
     expected = list(predict_frames(predictor, frames(0, 2), pattern(0)))
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one.force_N, other.force_N)
+
+    # Frames of another size and numbers not finite stop
+    feature = np.zeros(32, np.float32)
+    assert np.isfinite(predictor(feature)).all()
+    feature[3] = np.nan
+    with pytest.raises(ModelError, match="not finite, 1 features are not"):
+        predictor(feature)
+
+    # A frame of another size stops
+    with pytest.raises(ImageError, match="160 x 120"):
+        list(predict_frames(predictor, frames(0), pattern(0, (100, 100))))
 
 
 def test_equal_frames_are_worked_out_again(predictor, monkeypatch):
@@ -72,7 +84,8 @@ def counted(init, calls):
     return counting
 
 
-def test_frames_are_reduced_as_the_images_that_the_model_learnt_from(predictor):
+def test_frames_are_reduced_and_remapped_to_those_learnt_from(predictor):
+    # Frames are reduced as the images that the model learnt from
     settings = predictor.model.settings
     reducing = Predictor.__new__(Predictor)
     reducing.model = replace(
@@ -85,6 +98,28 @@ def test_frames_are_reduced_as_the_images_that_the_model_learnt_from(predictor):
         feature = FlowFeatures(small, reducing.features)(reduced(frame.image, 0.8))
         np.testing.assert_array_equal(prediction.force_N, predictor.model.predict(feature)[0])
     assert feature[:16].mean() == pytest.approx(2, rel=0.05)  # px of the frame
+
+    # Frames of another camera are remapped to the models view
+    keys = {"width_px": 160, "height_px": 120, "focal_px": 200.0, "position_mm": [16, 16, -46]}
+    view, other = (
+        Camera(**keys, centre_px=[u, 59.5]) for u in (79.5, 81.5)
+    )  # 2 px to the right: whole pixels
+    known = {
+        "image_px": [160, 120],
+        "crop_px": None,
+        "camera": view.model_dump(mode="json"),
+        "plane_z_mm": -3.0,
+    }
+    seen = Predictor.__new__(Predictor)
+    seen.model = replace(predictor.model, settings=predictor.model.settings | {"views": {"day1": known}})
+    found = list(predict_frames(seen, frames(2, 3.5), camera=other))
+    as_seen = [
+        Frame(f.name, f.time_s, np.pad(f.image[:, 2:], ((0, 0), (0, 2)), "edge")) for f in frames(2, 3.5)
+    ]
+    for one, wanted in zip(found, predict_frames(predictor, as_seen), strict=True):
+        np.testing.assert_array_equal(one.force_N, wanted.force_N)
+    with pytest.raises(ImageError, match="give --camera"):
+        list(predict_frames(seen, frames(2)))
 
 
 def test_every_step_is_timed_after_the_warm_up(predictor):
@@ -144,38 +179,3 @@ def test_frames_like_those_learnt_from_pass(seen, size, asked):
 def test_frames_of_another_size_than_those_learnt_from_are_refused(seen, size, asked, words):
     with pytest.raises(ImageError, match=words):
         list(predict_frames(seen, [Frame("a.png", 0.0, pattern(0, size))], crop_px=asked))
-
-
-def test_frames_of_another_camera_are_remapped_to_the_models_view(predictor):
-    keys = {"width_px": 160, "height_px": 120, "focal_px": 200.0, "position_mm": [16, 16, -46]}
-    view, other = (
-        Camera(**keys, centre_px=[u, 59.5]) for u in (79.5, 81.5)
-    )  # 2 px to the right: whole pixels
-    known = {
-        "image_px": [160, 120],
-        "crop_px": None,
-        "camera": view.model_dump(mode="json"),
-        "plane_z_mm": -3.0,
-    }
-    seen = Predictor.__new__(Predictor)
-    seen.model = replace(predictor.model, settings=predictor.model.settings | {"views": {"day1": known}})
-    found = list(predict_frames(seen, frames(2, 3.5), camera=other))
-    as_seen = [
-        Frame(f.name, f.time_s, np.pad(f.image[:, 2:], ((0, 0), (0, 2)), "edge")) for f in frames(2, 3.5)
-    ]
-    for one, wanted in zip(found, predict_frames(predictor, as_seen), strict=True):
-        np.testing.assert_array_equal(one.force_N, wanted.force_N)
-    with pytest.raises(ImageError, match="give --camera"):
-        list(predict_frames(seen, frames(2)))
-
-
-def test_frames_of_another_size_and_numbers_not_finite_stop(predictor):
-    feature = np.zeros(32, np.float32)
-    assert np.isfinite(predictor(feature)).all()
-    feature[3] = np.nan
-    with pytest.raises(ModelError, match="not finite, 1 features are not"):
-        predictor(feature)
-
-    # A frame of another size stops
-    with pytest.raises(ImageError, match="160 x 120"):
-        list(predict_frames(predictor, frames(0), pattern(0, (100, 100))))

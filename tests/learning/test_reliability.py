@@ -21,7 +21,8 @@ def rows(count, seed, noise=1e-4):
     return predicted, true, untouched
 
 
-def test_untouched_images_are_zero_and_the_centre_of_pressure_nearer():
+def test_untouched_images_are_zero_and_light_touches_stay():
+    # Untouched images are zero and the centre of pressure nearer
     zero = find_zero(*rows(600, 1), GRID)
     predicted, true, untouched = rows(600, 2)
     found = zero.applied(predicted)
@@ -39,9 +40,8 @@ def test_untouched_images_are_zero_and_the_centre_of_pressure_nearer():
     ]
     assert off[1] < 0.8 * off[0]
 
-
-def test_a_light_touch_stays_however_much_the_others_smear():
-    """A smear far away in proportion to the force asks for a high threshold of bins: it is no threshold of a touch."""
+    # A light touch stays however much the others smear. A smear far away in proportion to the force asks for a high
+    # threshold of bins: it is no threshold of a touch
     predicted, true, untouched = rows(800, 3)
     light = ~untouched & (np.random.default_rng(4).random(800) < 0.08)
     predicted[light], true[light] = 0.03 * predicted[light], 0.03 * true[light]
@@ -81,8 +81,9 @@ def labels_of(true, sigma=0.0):
     return Labels(true, np.full_like(true, sigma), np.full_like(true[:, 0], sigma))
 
 
-def test_intervals_of_the_true_force_hold_it_where_labels_are_off():
-    """Labels off by a normal error as large as the network's: their own standard deviation widens the interval."""
+def test_intervals_of_the_true_force_need_rows_and_labels_with_bars():
+    # Intervals of the true force hold it where labels are off. Labels off by a normal error as large as the
+    # network's: their own standard deviation widens the interval
     (predicted, true, _), rng = rows(3000, 1), np.random.default_rng(3)
     sigma = 0.03
     off = np.where(true != 0, sigma * rng.standard_normal(true.shape), 0.0)
@@ -92,23 +93,7 @@ def test_intervals_of_the_true_force_hold_it_where_labels_are_off():
     np.testing.assert_allclose(wider[carries], np.hypot(half, 1.645 * sigma)[carries], rtol=1e-9)
     assert (np.abs(predicted + off - true) <= wider)[carries].mean() == pytest.approx(0.9, abs=0.05)
 
-
-def test_a_few_groups_whose_errors_differ_give_wide_enough_intervals():
-    """Of three orbits with errors of their own sizes: pooled, their intervals hold 88.5 % of another's, on average."""
-    rng = np.random.default_rng(5)
-    held = []
-    for _ in range(200):
-        scale = np.exp(0.4 * rng.standard_normal(40))  # three to learn from, the rest to judge by
-        error = 1e-6 * scale[:, None, None, None] * rng.standard_normal((40, 100, 1, 3))
-        true = np.broadcast_to(-rng.uniform(0.5, 1.5, (40, 100, 1, 1)), error.shape)
-        learnt, judged = ((true[part] + error[part]).reshape(-1, 1, 3) for part in (slice(3), slice(3, None)))
-        labels = labels_of(true[:3].reshape(-1, 1, 3))
-        half = find_intervals(learnt, labels, np.repeat(np.arange(3), 100)).of_bins(judged)
-        held.append((np.abs(error[3:].reshape(-1, 1, 3)) <= half).mean())
-    assert np.mean(held) == pytest.approx(0.908, abs=0.012)  # its standard deviation is 0.005
-
-
-def test_intervals_need_rows_and_only_labels_with_bars_widen_them():
+    # Intervals need rows and only labels with bars widen them
     predicted, true, _ = rows(300, 1)
     intervals = found(predicted, labels_of(true, np.nan))
     np.testing.assert_array_equal(intervals.of_true_totals(predicted), intervals.of_totals(predicted))
@@ -126,3 +111,18 @@ def test_intervals_need_rows_and_only_labels_with_bars_widen_them():
     known = intervals.bin_sigma_N[intervals.bin_sigma_N > 0]
     np.testing.assert_allclose(known, 0.1, rtol=1e-12)
     assert len(known)
+
+
+def test_a_few_groups_whose_errors_differ_give_wide_enough_intervals():
+    """Of three orbits with errors of their own sizes: pooled, their intervals hold 88.5 % of another's, on average."""
+    rng = np.random.default_rng(5)
+    held = []
+    for _ in range(200):
+        scale = np.exp(0.4 * rng.standard_normal(40))  # three to learn from, the rest to judge by
+        error = 1e-6 * scale[:, None, None, None] * rng.standard_normal((40, 100, 1, 3))
+        true = np.broadcast_to(-rng.uniform(0.5, 1.5, (40, 100, 1, 1)), error.shape)
+        learnt, judged = ((true[part] + error[part]).reshape(-1, 1, 3) for part in (slice(3), slice(3, None)))
+        labels = labels_of(true[:3].reshape(-1, 1, 3))
+        half = find_intervals(learnt, labels, np.repeat(np.arange(3), 100)).of_bins(judged)
+        held.append((np.abs(error[3:].reshape(-1, 1, 3)) <= half).mean())
+    assert np.mean(held) == pytest.approx(0.908, abs=0.012)  # its standard deviation is 0.005

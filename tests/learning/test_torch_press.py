@@ -45,8 +45,9 @@ def test_gradients_are_those_of_central_differences():
         assert gradients[name].item() == pytest.approx(wanted, rel=0.02), name
 
 
-def test_gradients_along_the_place_are_those_of_a_shift_of_all_positions():
-    """tests/indentation/test_carried_place.py compares that one with differences; along y it is the mirrored press's."""
+def test_gradients_along_the_place_and_effects_are_those_of_one_mesh():
+    # Gradients along the place are those of a shift of all positions. tests/indentation/test_carried_place.py
+    # compares that one with differences; along y it is the mirrored press's
     place = [torch.tensor(value, dtype=torch.float64, requires_grad=True) for value in PLACE]
     gf.torch_press(*place, 0.7, **TWO_STEPS).total_N[-1, 0].backward()
     shifted = gf.press(*PLACE, [0.35, 0.7], **ONE_LAYER, sensitivities=["misregistration"])
@@ -54,6 +55,17 @@ def test_gradients_along_the_place_are_those_of_a_shift_of_all_positions():
     mirrored = gf.press_slopes(*PLACE[::-1], 0.7, along=["y_mm"], **TWO_STEPS)
     assert mirrored.total_slope["y_mm"][-1, 1] == pytest.approx(place[0].grad.item(), rel=1e-6)
     assert abs(place[1].grad.item()) < 0.5 * abs(place[0].grad.item())
+
+    # Derivatives are those of one mesh and one path
+    with pytest.raises(ConfigError, match=r"along: \['friction'\]; choose among .* effects need a value"):
+        gf.press_slopes(6.0, 6.0, 0.5, along=["friction"], **TWO_STEPS)
+
+    # Effects that have derivatives are those of one mesh and one path
+    from gelforge.api.differentiable import effects_with_slopes
+
+    names = set(effects_with_slopes())
+    assert {"gel_stiffness", "friction", "indenter_radius", "tilt", "layer_thickness"} <= names
+    assert not {"mullins", "viscoelastic", "elastic_base", "small_strain", "frame_compliance"} & names
 
 
 @pytest.mark.parametrize(
@@ -84,15 +96,3 @@ def test_what_has_no_derivative_is_refused_with_a_remedy(at, keys, words):
     x = x if torch.is_tensor(x) else torch.tensor(x, requires_grad=True)
     with pytest.raises(ConfigError, match=words):
         gf.torch_press(x, *rest, **TWO_STEPS | keys)
-
-
-def test_derivatives_are_those_of_one_mesh_and_one_path():
-    with pytest.raises(ConfigError, match=r"along: \['friction'\]; choose among .* effects need a value"):
-        gf.press_slopes(6.0, 6.0, 0.5, along=["friction"], **TWO_STEPS)
-
-    # Effects that have derivatives are those of one mesh and one path
-    from gelforge.api.differentiable import effects_with_slopes
-
-    names = set(effects_with_slopes())
-    assert {"gel_stiffness", "friction", "indenter_radius", "tilt", "layer_thickness"} <= names
-    assert not {"mullins", "viscoelastic", "elastic_base", "small_strain", "frame_compliance"} & names

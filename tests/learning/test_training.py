@@ -129,7 +129,8 @@ def test_scaling_does_not_know_the_test_rows(study, tmp_path, form):
         np.testing.assert_array_equal(one, other)
 
 
-def test_no_cell_is_on_two_sides_and_images_of_a_press_are_one_group(study, shards):
+def test_no_cell_is_on_two_sides_and_turns_follow_the_camera(study, shards):
+    # No cell is on two sides and images of a press are one group
     test, train_rows = (set(positions_of(ShardDataset(shards, side))) for side in ("test", "train"))
     assert not test & train_rows
     rows = ShardDataset(shards, "train")
@@ -144,6 +145,20 @@ def test_no_cell_is_on_two_sides_and_images_of_a_press_are_one_group(study, shar
     block = rows.read(np.arange(len(rows)), ["press", "depth_mm", "session"])
     keys = list(zip(block["session"], block["press"], block["depth_mm"]))
     assert len(set(groups)) == len(set(keys)) == len(set(zip(groups, keys)))
+
+    # Drawn indentations are turned though the flow follows them loosely. Whether the camera looks along the
+    # sensor's axis is known there; these artificial images do not show it
+    camera = {"width_px": 200, "height_px": 200, "focal_px": 272.0, "centre_px": [99.5, 99.5]}
+    camera |= {"position_mm": [16.0, 16.0, -46.0]}
+    described = study_of(regions=4, bins=5, network="unet").model_dump(mode="json")
+    rows = ShardDataset(shards, "train")
+    for moved, turns in (([0.0, 0.0, 0.0], 8), ([2.0, 0.0, 0.0], 1)):
+        seen = camera | {"position_mm": np.add(camera["position_mm"], moved).tolist()}
+        drawn = study_from(described | {"synthesis": {"camera": seen}})
+        plan, _ = plan_of(drawn, rows, np.arange(len(rows)))
+        assert len(plan.turns) == turns
+    plan, _ = plan_of(study_of(regions=4, bins=5, network="unet"), rows, np.arange(len(rows)))
+    assert len(plan.turns) == 1
 
 
 # --------------------------------------------------------------------------------------------------- runs
@@ -213,20 +228,8 @@ def test_a_checkpoint_of_other_settings_or_a_damaged_one_is_not_used(study, shar
     assert (fresh / "model.pt").read_bytes() == (other / "model.pt").read_bytes()
 
 
-def test_labels_alone_or_a_diverging_step_size_cannot_train(study, shards, tmp_path):
-    wild = study.model_copy(update={"learning": Learning(channels=4, steps=5, learning_rate=1e30)})
-    with pytest.raises(ModelError, match=r"not finite; give a smaller learning\.learning_rate"):
-        train(wild, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
-
-    # Labels only cannot train
-    path = tmp_path / "shard.h5"
-    with writing_shard(path, {"synthetic": False}, True, 32, 25):
-        pass
-    with pytest.raises(ModelError, match="labels only"):
-        train(study, [path], tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
-
-
-def test_the_loss_falls(study, shards, tmp_path):
+def test_the_loss_falls_and_the_model_is_that_of_the_last_step(study, shards, tmp_path):
+    # The loss falls
     longer = study.model_copy(update={"learning": study.learning.model_copy(update={"steps": 600})})
     train(longer, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
     loss = pd.read_csv(tmp_path / "loss.csv")
@@ -234,6 +237,20 @@ def test_the_loss_falls(study, shards, tmp_path):
     # the scaled training labels have variance 1, the loss of the training mean; dropout keeps a small network above 0.4
     assert loss["training"].iloc[-1] < 0.6
     assert loss["validation"].iloc[-1] < loss["validation"].iloc[0]
+
+    # The model is that of the last step. At this step size the validation loss soon grows again
+    last = tmp_path / "last"
+    last.mkdir()
+    learning = study.learning.model_copy(update={"learning_rate": 0.3, "steps": 120})
+    path = last / "model.pt"
+    train(study.model_copy(update={"learning": learning}), shards, path, last / "loss.csv", QUIET)
+    loss = pd.read_csv(last / "loss.csv", comment="#")["validation"]
+    rows = ShardDataset(shards, "train")
+    model = load_model(path)
+    monitored = one_of_each_press(rows, training_and_validation(rows, shards, study)[1])
+    watched = Batches(rows, monitored, model.scaling, 64, seed=0)
+    assert mean_loss(model.network, watched, relative=False) == pytest.approx(loss.iloc[-1], rel=1e-5)
+    assert loss.idxmin() < len(loss) - 1
 
 
 @pytest.mark.parametrize("content", [b"", b"half a file", None])
@@ -357,8 +374,9 @@ def test_the_step_size_rises_and_falls_over_all_steps(study, shards, tmp_path):
     assert rates[-1] == pytest.approx(LAST_RATE * largest)
 
 
-def test_muon_moves_kernels_by_the_step_size_in_all_directions():
-    """A step has singular values near one (0.7 to 1.2 after five iterations), times the step size and Adam's usual 0.2."""
+def test_muon_moves_by_the_step_size_and_relative_errors_count_light_contacts():
+    # Muon moves kernels by the step size in all directions. A step has singular values near one (0.7 to 1.2 after
+    # five iterations), times the step size and Adam's usual 0.2
     learning = Learning(channels=8, steps=2).usual
     network = make_network(learning, Grids(8, 4, 4), seed=0)
     torch.nn.init.ones_(network.last.weight)
@@ -371,44 +389,8 @@ def test_muon_moves_kernels_by_the_step_size_in_all_directions():
         unit = MUON_RATE * rate(learning, 0) * 0.2 * max(kernel.flatten(1).shape) ** 0.5
         assert 0.5 < float(moved.min() / unit) and float(moved.max() / unit) < 1.4
 
-
-def test_the_model_is_that_of_the_last_step(study, shards, tmp_path):
-    """At this step size the validation loss soon grows again."""
-    learning = study.learning.model_copy(update={"learning_rate": 0.3, "steps": 120})
-    path = tmp_path / "model.pt"
-    train(study.model_copy(update={"learning": learning}), shards, path, tmp_path / "loss.csv", QUIET)
-    loss = pd.read_csv(tmp_path / "loss.csv", comment="#")["validation"]
-    rows = ShardDataset(shards, "train")
-    model = load_model(path)
-    monitored = one_of_each_press(rows, training_and_validation(rows, shards, study)[1])
-    watched = Batches(rows, monitored, model.scaling, 64, seed=0)
-    assert mean_loss(model.network, watched, relative=False) == pytest.approx(loss.iloc[-1], rel=1e-5)
-    assert loss.idxmin() < len(loss) - 1
-
-
-def test_drawn_indentations_are_turned_though_the_flow_follows_them_loosely(study, shards):
-    """Whether the camera looks along the sensor's axis is known there; these artificial images do not show it."""
-    camera = {"width_px": 200, "height_px": 200, "focal_px": 272.0, "centre_px": [99.5, 99.5]}
-    camera |= {"position_mm": [16.0, 16.0, -46.0]}
-    described = study_of(regions=4, bins=5, network="unet").model_dump(mode="json")
-    rows = ShardDataset(shards, "train")
-    for moved, turns in (([0.0, 0.0, 0.0], 8), ([2.0, 0.0, 0.0], 1)):
-        seen = camera | {"position_mm": np.add(camera["position_mm"], moved).tolist()}
-        drawn = study_from(described | {"synthesis": {"camera": seen}})
-        plan, _ = plan_of(drawn, rows, np.arange(len(rows)))
-        assert len(plan.turns) == turns
-    plan, _ = plan_of(study_of(regions=4, bins=5, network="unet"), rows, np.arange(len(rows)))
-    assert len(plan.turns) == 1
-
-
-def test_training_leaves_denormal_numbers_as_they_were(study, shards, tmp_path):
-    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
-    assert np.finfo(float).tiny / 2 > 0
-    assert np.array([np.finfo(float).tiny]) / np.array([2.0]) > 0
-
-
-def test_relative_errors_count_light_contacts_beside_deep_ones():
-    """Errors of a tenth of the force count alike above LIGHT; without it they go with the square of the force."""
+    # Relative errors count light contacts beside deep ones. Errors of a tenth of the force count alike above LIGHT;
+    # without it they go with the square of the force
     deep = torch.tensor([[10.0, -10.0]])
     light = deep / 5
     relative = [mean_error(1.1 * force, force, relative=True).item() for force in (deep, light)]
@@ -416,6 +398,25 @@ def test_relative_errors_count_light_contacts_beside_deep_ones():
     assert plain[0] == pytest.approx(25 * plain[1], rel=1e-5)
     assert relative[0] == pytest.approx(0.01 * 100 / (100 + LIGHT), rel=1e-5)
     assert relative[1] == pytest.approx(0.01 * 4 / (4 + LIGHT), rel=1e-5)
+
+
+def test_training_leaves_denormals_and_refuses_what_cannot_train(study, shards, tmp_path):
+    # Training leaves denormal numbers as they were
+    train(study, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
+    assert np.finfo(float).tiny / 2 > 0
+    assert np.array([np.finfo(float).tiny]) / np.array([2.0]) > 0
+
+    # Labels alone or a diverging step size cannot train
+    wild = study.model_copy(update={"learning": Learning(channels=4, steps=5, learning_rate=1e30)})
+    with pytest.raises(ModelError, match=r"not finite; give a smaller learning\.learning_rate"):
+        train(wild, shards, tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
+
+    # Labels only cannot train
+    path = tmp_path / "shard.h5"
+    with writing_shard(path, {"synthetic": False}, True, 32, 25):
+        pass
+    with pytest.raises(ModelError, match="labels only"):
+        train(study, [path], tmp_path / "model.pt", tmp_path / "loss.csv", QUIET)
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,8 @@ def test_flow_and_label_of_one_bump_turn_together(name):
     assert_allclose(turned_flow(name, flow, n)[0].T, away * bump[:, None], atol=1e-12)
 
 
-def test_each_row_is_turned_by_its_own_element():
+def test_rows_are_turned_by_their_own_element_and_order_of_squares_and_rectangles():
+    # Each row is turned by its own element
     n, names = 5, tuple(D4)
     flow = torch.from_numpy(RNG.normal(size=(len(names), 2 * n * n)).astype(np.float32))
     label = torch.from_numpy(RNG.normal(size=(len(names), 3 * n * n)).astype(np.float32))
@@ -76,6 +77,20 @@ def test_each_row_is_turned_by_its_own_element():
         alone = Turner((names[number],), n, n, n)(np.zeros(1, int), flow[row : row + 1], label[row : row + 1])
         for whole, part in zip(together, alone):
             assert_allclose(whole[row], part[0], atol=1e-6)
+
+    # Order and centre of the flow on squares and rectangles
+    position, centre = RNG.uniform(4, 28, (40, 2)), RNG.normal(size=(40, 2))
+    assert image_on_sensor(centre, position, WIDTH) == ("identity", False)
+    assert image_on_sensor(centre[:1], position[:1], WIDTH) == ("identity", False)
+
+    # The flow s centre is where it moves
+    flow = np.zeros((1, 2, 16))
+    flow[0, :, 4 * 3 + 1] = 2.0  # column 1, row 3 of 4 x 4
+    assert_allclose(flow_centre(flow, 4), [[-0.125, 0.375]])
+
+    # A rectangle is mirrored and not turned by a quarter
+    assert set(names_of(square=False)) == {"identity", "rotate_180", "mirror_x", "mirror_y"}
+    assert_array_equal(order("mirror_x", 3, 2), [2, 1, 0, 5, 4, 3])
 
 
 @pytest.mark.parametrize("name", D4)
@@ -110,18 +125,3 @@ def test_a_known_camera_says_how_its_image_lies(changed, lie):
     }
     camera = Camera(**{**camera, "position_mm": [16.0, 16.0, -46.0], **changed})
     assert seen_by_camera(camera, SENSOR) == lie
-
-
-def test_order_and_centre_of_the_flow_on_squares_and_rectangles():
-    position, centre = RNG.uniform(4, 28, (40, 2)), RNG.normal(size=(40, 2))
-    assert image_on_sensor(centre, position, WIDTH) == ("identity", False)
-    assert image_on_sensor(centre[:1], position[:1], WIDTH) == ("identity", False)
-
-    # The flow s centre is where it moves
-    flow = np.zeros((1, 2, 16))
-    flow[0, :, 4 * 3 + 1] = 2.0  # column 1, row 3 of 4 x 4
-    assert_allclose(flow_centre(flow, 4), [[-0.125, 0.375]])
-
-    # A rectangle is mirrored and not turned by a quarter
-    assert set(names_of(square=False)) == {"identity", "rotate_180", "mirror_x", "mirror_y"}
-    assert_array_equal(order("mirror_x", 3, 2), [2, 1, 0, 5, 4, 3])

@@ -84,12 +84,12 @@ def test_a_parameter_at_its_bound_gives_way_to_the_simpler_model(chosen, choose,
     assert found.chosen is neo and "C30_kPa is 0" in found.reason
 
 
-def test_a_model_with_a_parameter_at_its_bound_is_kept_where_the_simpler_one_has_no_support(chosen):
+def test_a_bound_is_kept_and_terms_are_left_out_as_the_tests_support(chosen, tmp_path):
+    # A model with a parameter at its bound is kept where the simpler one has no support
     found = chosen(["yeoh", "neo_hooke"], 4e-5)
     assert found.chosen.name == "yeoh" and found.chosen.fitted.at_bound == ("C30_kPa",)
 
-
-def test_terms_that_the_tests_do_not_determine_are_left_out_with_a_word(chosen, tmp_path):
+    # Terms that the tests do not determine are left out with a word
     found = chosen(["ogden2"], 0.0)
     assert found.chosen.name == "ogden1"
     assert found.warnings[0].startswith("ogden1 IS FITTED IN PLACE OF ogden2")
@@ -123,14 +123,14 @@ def test_a_covariance_of_any_rank_goes_through_the_file_to_the_stress(tmp_path, 
     assert found == pytest.approx(gradient @ C @ gradient, rel=5e-3, abs=1e-20)  # moved_laws.NEGLIGIBLE
 
 
-def test_a_covariance_that_is_none_is_refused(tmp_path):
+def test_a_covariance_that_is_none_is_refused_and_a_parameter_at_its_limit_is_moved(tmp_path):
+    # A covariance that is none is refused
     for bad in (np.full((3, 3), np.nan), np.eye(2), -np.eye(3)):
         write_law(tmp_path / "law.json", MaterialLaw("gel", YEOH, "", bad))
         with pytest.raises(LawFileError, match="3 x 3 finite numbers"):
             read_law(tmp_path / "law.json")
 
-
-def test_a_parameter_next_to_its_bound_or_limit_is_moved():
+    # A parameter next to its bound or limit is moved
     near = MaterialLaw("gel", MooneyRivlin(0.02, 0.0), "", np.diag([0.1, 0.3]) ** 2)
     assert all(law.C01 >= 0 for law in moved_laws(near, AMOUNT)) and len(moved_laws(near, AMOUNT)) == 2
 

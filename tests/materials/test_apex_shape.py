@@ -38,7 +38,8 @@ def test_apex_radius_of_an_ellipse_is_not_that_of_a_circle_through_it(a, b, heig
     assert_allclose(shape.conic_constant, (a / b) ** 2, rtol=0.03)
 
 
-def test_a_circle_stays_a_circle_with_dust_or_blur():
+def test_a_circle_stays_a_circle_and_what_has_no_radius_is_refused():
+    # A circle stays a circle with dust or blur
     picture = view(130, 130, 150).astype(float)
     picture[60:66, 300:304] = 40  # dust on the screen, above the flank
     picture[173:183, 196:206] = 40  # and on the apex itself, a bump of 7 px
@@ -49,8 +50,7 @@ def test_a_circle_stays_a_circle_with_dust_or_blur():
     picture = 255 - view(130, 130, 150, Camera(blur_px=2.0, noise_grey=4.0)).astype(int)
     assert_allclose(apex_shape(picture, 1.0).radius_mm, 130, rtol=3e-3)
 
-
-def test_what_has_no_radius_is_refused():
+    # What has no radius is refused
     film = MembraneFilm(np.array([1.0, 1.002]))
     for number in (0, 1):
         with pytest.raises(SilhouetteError, match="too flat"):

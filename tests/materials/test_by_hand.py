@@ -82,7 +82,8 @@ def test_a_folder_becomes_law_tables_and_notes(tmp_path):
     assert {p: p.read_bytes() for p in sorted(tmp_path.rglob("*.*"))} == first
 
 
-def test_sources_that_cannot_be_read_or_believed_are_named(tmp_path):
+def test_sources_that_cannot_be_read_or_are_too_few_are_named(tmp_path):
+    # Sources that cannot be read or believed are named
     with pytest.raises(TableError, match=r"nowhere: no such file or folder"):
         read_sources([tmp_path / "nowhere"], None)
     (tmp_path / "a.csv").write_text("x,y\n1,2\n")
@@ -95,6 +96,18 @@ def test_sources_that_cannot_be_read_or_believed_are_named(tmp_path):
     ):
         read_sources(*strip(tmp_path, unit="MPa"))
 
+    # Ten points are not fitted in silence
+    few = tmp_path / "few"
+    few.mkdir()
+    [material] = read_sources(*strip(few))
+    with pytest.raises(FitError, match=r"Ogden, K = 2: 10 rows for 4 parameters; 12 at least"):
+        characterise_source(material, Fitting(laws=["ogden2"]), few / "out")
+    assert not (few / "out").exists()
+    result = characterise_source(material, Fitting(laws=["neo_hooke", "ogden2"]), few / "out")
+    assert result.comparison.chosen.name == "neo_hooke"
+    assert any("fewer than 12 rows" in text for text in result.comparison.warnings)
+    assert any("NOT IDENTIFIABLE" in text for text in read_law(few / "out" / "law.json").notes)
+
 
 def strip(folder, unit="kPa", rows=10):
     lam = np.linspace(1, 2, rows)
@@ -102,14 +115,3 @@ def strip(folder, unit="kPa", rows=10):
     (folder / "strip.csv").write_text("stretch,stress\n" + text)
     (folder / "mapping.yaml").write_text(MAPPING.replace("UNIT", unit))
     return [folder / "strip.csv"], folder / "mapping.yaml"
-
-
-def test_ten_points_are_not_fitted_in_silence(tmp_path):
-    [material] = read_sources(*strip(tmp_path))
-    with pytest.raises(FitError, match=r"Ogden, K = 2: 10 rows for 4 parameters; 12 at least"):
-        characterise_source(material, Fitting(laws=["ogden2"]), tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-    result = characterise_source(material, Fitting(laws=["neo_hooke", "ogden2"]), tmp_path / "out")
-    assert result.comparison.chosen.name == "neo_hooke"
-    assert any("fewer than 12 rows" in text for text in result.comparison.warnings)
-    assert any("NOT IDENTIFIABLE" in text for text in read_law(tmp_path / "out" / "law.json").notes)

@@ -68,7 +68,8 @@ def test_a_preload_of_a_way_over_the_unloaded_length_is_mended(tmp_path, kind, e
     assert 1e3 * float(shape @ mended.nominal_stress / (shape @ shape)) == pytest.approx(1e3 * G, rel=0.01)
 
 
-def test_a_pull_that_rest_cannot_have_is_an_offset(tmp_path):
+def test_a_pull_at_rest_is_an_offset_and_a_cut_must_leave_enough(tmp_path):
+    # A pull that rest cannot have is an offset
     with pytest.raises(TableError, match="an offset of the force") as caught:
         read(tmp_path, LAM, noisy(P(LAM)) - 8)
     assert "preload" not in str(caught.value)
@@ -80,8 +81,7 @@ def test_a_pull_that_rest_cannot_have_is_an_offset(tmp_path):
     test = read(tmp_path, LAM, noisy(P(LAM)) + 3)
     assert any("at rest: a preload" in text and "zero_force" in text for text in test.findings)
 
-
-def test_a_cut_that_leaves_too_little_is_refused(tmp_path):
+    # A cut that leaves too little is refused
     few = np.linspace(1, 1.5, 10)
     stress = P(few)
     stress[3:] *= 0.01
@@ -182,7 +182,8 @@ def test_points_in_any_order_are_named_and_sorted(tmp_path, history, count, seed
     assert modulus(ordered) == pytest.approx(1e3 * G, rel=1e-3)
 
 
-def test_the_order_of_points_is_checked(tmp_path):
+def test_the_order_of_points_is_checked_and_the_own_format_has_the_same_remedies(tmp_path):
+    # The order of points is checked
     lam = np.linspace(1, 2, 30)
     lam[[10, 14]] = lam[[14, 10]]
     with pytest.raises(TableError, match="where the points are in no order, sort them with .*unsorted: sort"):
@@ -196,6 +197,16 @@ def test_the_order_of_points_is_checked(tmp_path):
     # A test that only unloads is refused
     with pytest.raises(TableError, match="no loading is found"):
         read(tmp_path, LAM[::-1], P(LAM)[::-1], history="cyclic")
+
+    # The own format has the same remedies
+    broken = P(LAM)
+    broken[150:] = 0.01
+    with pytest.raises(TableError, match="row 151: .* the specimen broke; .*`cut_after_fall`"):
+        own_format(tmp_path, broken)
+    assert len(own_format(tmp_path, broken, "cut_after_fall").stretch) == 150
+    with pytest.raises(TableError, match="a preload"):
+        own_format(tmp_path, P(1.1 * LAM))
+    assert modulus(own_format(tmp_path, P(1.1 * LAM), "toe")) == pytest.approx(25, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -233,17 +244,6 @@ def own_format(folder, stress, corrections=""):
     (folder / "one.csv").write_text("\n".join(["stretch_1,nominal_stress_kPa", *rows]) + "\n")
     (folder / "samples.csv").write_text(f"file,test,sample,corrections\none.csv,uniaxial,s1,{corrections}\n")
     return read_material_tests(folder)[0]
-
-
-def test_the_own_format_has_the_same_remedies(tmp_path):
-    broken = P(LAM)
-    broken[150:] = 0.01
-    with pytest.raises(TableError, match="row 151: .* the specimen broke; .*`cut_after_fall`"):
-        own_format(tmp_path, broken)
-    assert len(own_format(tmp_path, broken, "cut_after_fall").stretch) == 150
-    with pytest.raises(TableError, match="a preload"):
-        own_format(tmp_path, P(1.1 * LAM))
-    assert modulus(own_format(tmp_path, P(1.1 * LAM), "toe")) == pytest.approx(25, rel=0.02)
 
 
 @pytest.mark.parametrize("rows", [30, 40, 50])

@@ -36,7 +36,8 @@ def loading(factor=1.0, sample="s", rng=None, **known):
 
 
 # ------------------------------------------------------------------------------------ rate, age, temperature
-def test_rate_effect_per_decade_and_its_sentence():
+def test_rate_effect_per_decade_and_what_cannot_be_compared():
+    # Rate effect per decade and its sentence
     rng = np.random.default_rng(0)
     rates = np.repeat([0.001, 0.01, 0.1], 3)
     tests = [loading(1.2 ** np.log10(r / 0.001), rng=rng, rate_per_s=r) for r in rates]
@@ -45,6 +46,15 @@ def test_rate_effect_per_decade_and_its_sentence():
     assert effect.slope == pytest.approx(0.2, abs=0.03)  # 2 % scatter of nine tests: 0.8 % of the slope
     assert effect.verdict == "significant stiffening"
     assert "significant stiffening with strain rate" in effect.sentence and "per decade" in effect.sentence
+
+    # Effects refuse what cannot be compared
+    with pytest.raises(ValueError, match="two values that differ"):
+        effect_of(RATE, [loading(rate_per_s=0.1), loading(rate_per_s=0.1)])
+    with pytest.raises(ValueError, match="age_days is not known"):
+        effect_of(AGE, [loading(age_days=1), loading()])
+    other = MaterialTest("pure_shear", "p", LAM, virgin(LAM), rate_per_s=1.0)
+    with pytest.raises(ValueError, match="cannot be compared"):
+        effect_of(RATE, [loading(rate_per_s=0.1), other])
 
 
 @pytest.mark.parametrize(
@@ -87,16 +97,6 @@ def test_two_tests_decide_only_with_the_scatter_of_repeats():
     assert wide.verdict in ("small", "negligible") and wide.change == pytest.approx(0.04)
 
 
-def test_effects_refuse_what_cannot_be_compared():
-    with pytest.raises(ValueError, match="two values that differ"):
-        effect_of(RATE, [loading(rate_per_s=0.1), loading(rate_per_s=0.1)])
-    with pytest.raises(ValueError, match="age_days is not known"):
-        effect_of(AGE, [loading(age_days=1), loading()])
-    other = MaterialTest("pure_shear", "p", LAM, virgin(LAM), rate_per_s=1.0)
-    with pytest.raises(ValueError, match="cannot be compared"):
-        effect_of(RATE, [loading(rate_per_s=0.1), other])
-
-
 # ------------------------------------------------------------------------------------------------ relaxation
 TRUE_G, TRUE_TAU, P0 = np.array([0.25, 0.15]), np.array([2.0, 100.0]), 0.08
 
@@ -120,7 +120,8 @@ def test_prony_series_is_recovered_with_its_ramp_taken_out(ramp):
     assert fit.drop_at(50) == pytest.approx(1 - relaxed(np.array([50.0]))[0] / P0, abs=0.02)
 
 
-def test_a_relaxation_needs_its_ramp_and_its_rows():
+def test_relaxations_need_their_ramp_and_take_the_law_that_fits():
+    # A relaxation needs its ramp and its rows
     t = np.geomspace(0.05, 2000, 900)
     blind = fit_relaxation(t, relaxed(t, 5.0), ramp_s=0.0)
     assert blind.instantaneous_stress < 0.93 * P0  # of the 2 s term only 37 % are left after a ramp of 5 s
@@ -129,8 +130,7 @@ def test_a_relaxation_needs_its_ramp_and_its_rows():
     with pytest.raises(ValueError, match="8 at least are needed for a relaxation spectrum"):
         fit_relaxation(np.arange(1.0, 6), np.ones(5))
 
-
-def test_a_power_law_is_told_from_a_prony_series_and_noise_needs_no_more_terms():
+    # A power law is told from a prony series and noise needs no more terms
     t = np.geomspace(0.1, 1000, 600)
     rng = np.random.default_rng(6)
     power = fit_relaxation(t, 0.1 * t**-0.05 * (1 + rng.normal(0, 0.005, 600)))
@@ -201,7 +201,8 @@ def test_loops_have_their_area_and_the_second_of_damage_loses_nothing():
     assert abs(second.lost_share) < 0.01 and "negligible" in second.sentence
 
 
-def test_ogden_roxburgh_parameters_are_recovered():
+def test_ogden_roxburgh_parameters_and_softening_between_loadings_are_recovered():
+    # Ogden roxburgh parameters are recovered
     fit = fit_ogden_roxburgh([cyclic(1.5, 2.0, 2.0), cyclic(1.8)])
     assert fit.r == pytest.approx(R, rel=0.02)  # W is integrated over 120 rows per loading
     assert fit.m_MPa == pytest.approx(M, rel=0.05)
@@ -210,8 +211,7 @@ def test_ogden_roxburgh_parameters_are_recovered():
     with pytest.raises(ValueError, match="softening needs cycles"):
         fit_ogden_roxburgh([loading()])
 
-
-def test_softening_between_loadings_and_its_sentence():
+    # Softening between loadings and its sentence
     tests = [cyclic(2.0, 2.0, factor=f) for f in (1, 1.1, 0.95)]
     changes = [softening_between(first_loading(test), test.of_kind("load", 2)[0]) for test in tests]
     lam = np.linspace(1.1, 1.55, 50)

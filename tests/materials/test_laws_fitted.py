@@ -192,18 +192,8 @@ def test_what_curves_do_not_determine_is_refused(kinds, rows, name, message):
         fit_law(mean_curves(exact(NeoHooke(0.01), 2.0, kinds, rows)), name)
 
 
-def test_a_fit_names_few_rows_and_a_constant_at_its_bound():
-    fit = fit_law(mean_curves(exact(NeoHooke(0.01), 2.0, rows=10)), "neo_hooke")
-    assert "fewer than 12 rows per specimen" in fit.notes[0]
-    assert "equibiaxial (10)" in fit.notes[0]
-
-    # A constant at its bound is named and has no scatter
-    fit = fit_law(mean_curves(exact(Yeoh(0.05, 2e-3, 1e-4), kinds=["uniaxial"])), "mooney_rivlin")
-    assert "C01_kPa is 0" in fit.notes[0]
-    assert_allclose(fit.covariance[1], 0)
-
-
-def test_only_the_first_loading_of_a_cycle_is_fitted():
+def test_first_loadings_alone_are_fitted_and_few_rows_are_named():
+    # Only the first loading of a cycle is fitted
     lam = np.concatenate([np.linspace(1, 2, 30), np.linspace(2, 1, 30)])
     stress = nominal_stress(GEL, "uniaxial", lam) * np.r_[np.ones(30), np.full(30, 0.7)]
     segments = (Segment("load", 0, 30, 1), Segment("unload", 30, 60, 1))
@@ -214,6 +204,16 @@ def test_only_the_first_loading_of_a_cycle_is_fitted():
     assert_allclose(kept[0].nominal_stress, stress[:30])
     assert "only the first loading" in notes[0]
     assert "relaxation" in notes[1]
+
+    # A fit names few rows and a constant at its bound
+    fit = fit_law(mean_curves(exact(NeoHooke(0.01), 2.0, rows=10)), "neo_hooke")
+    assert "fewer than 12 rows per specimen" in fit.notes[0]
+    assert "equibiaxial (10)" in fit.notes[0]
+
+    # A constant at its bound is named and has no scatter
+    fit = fit_law(mean_curves(exact(Yeoh(0.05, 2e-3, 1e-4), kinds=["uniaxial"])), "mooney_rivlin")
+    assert "C01_kPa is 0" in fit.notes[0]
+    assert_allclose(fit.covariance[1], 0)
 
 
 # ------------------------------------------------------------------------------------------------ robust
@@ -237,7 +237,8 @@ def test_a_robust_loss_resists_a_sample_of_wrong_thickness():
 
 
 # ---------------------------------------------------------------------------------------------- choice
-def test_the_law_that_made_the_curves_is_chosen():
+def test_the_law_that_made_the_curves_is_chosen_and_predicts_what_is_held_out():
+    # The law that made the curves is chosen
     comparison = compare_laws(
         mean_curves(scattered(SKIN, 2.0, 1)), ["neo_hooke", "yeoh", "gent", "ogden1", "ogden2", "ogden3"]
     )
@@ -248,8 +249,7 @@ def test_the_law_that_made_the_curves_is_chosen():
     assert table.loc["ogden2", "error held out pure_shear"] < 0.02
     assert comparison.warnings == []
 
-
-def test_held_out_error_is_that_of_a_prediction():
+    # Held out error is that of a prediction
     curves = mean_curves(exact(NeoHooke(0.1)))
     assert max(held_out_errors(curves, "neo_hooke").values()) < 1e-9
     off = mean_curves(
@@ -258,13 +258,6 @@ def test_held_out_error_is_that_of_a_prediction():
     errors = held_out_errors(off, "neo_hooke")
     assert errors == pytest.approx({"uniaxial": 0.25, "equibiaxial": 0.2}, rel=1e-6)
     assert held_out_errors(off[:1], "neo_hooke") == {}
-
-
-def test_independent_points_of_white_and_of_smooth_residuals():
-    rng = np.random.default_rng(0)
-    white, smooth = rng.normal(size=2000), np.sin(np.linspace(0, 20, 2000))
-    assert effective_points(white, (2000,)) == pytest.approx(2000, rel=0.1)
-    assert effective_points(smooth, (1000, 1000)) < 20
 
 
 # ------------------------------------------------------------------------------------------- uncertainty
@@ -302,7 +295,8 @@ def test_a_bootstrap_agrees_with_the_sandwich_and_needs_two_samples():
 
 
 # ------------------------------------------------------------------------------------- range, stability
-def test_the_valid_range_is_what_the_tests_reached():
+def test_the_valid_range_is_what_the_tests_reached_and_the_drucker_margin_ends_it():
+    # The valid range is what the tests reached
     valid = ValidRange.of(np.array([principal_stretches(c, np.array(3.0)) for c in LOAD_CASES]))
     rng = np.random.default_rng(2)
     e = rng.normal(size=(500, 3)) * 0.8
@@ -318,8 +312,7 @@ def test_the_valid_range_is_what_the_tests_reached():
     assert valid.largest("equibiaxial") == pytest.approx(3**0.25)
     assert valid.largest("uniaxial") == pytest.approx(3.0)
 
-
-def test_drucker_margin_at_rest_and_where_it_is_lost():
+    # Drucker margin at rest and where it is lost
     law = Yeoh(0.1, -0.02, 0.0)  # dW/dI1 = 0.1 - 0.04 (I1 - 3)
     assert drucker_margin(law, np.ones(3)) == pytest.approx(2 * law.shear_modulus)
     # in pure shear tau_1 - tau_3 = 2 W1 (l^2 - l^-2) has a maximum where its slope in ln l is 0
@@ -354,11 +347,18 @@ def test_an_unstable_law_or_one_that_does_not_describe_the_tests_is_not_chosen()
     assert "above that of Neo-Hooke, which has fewer parameters but does not describe" in comparison.reason
 
 
-def test_problem_weights_make_every_kind_count_the_same():
+def test_residuals_are_weighed_by_kind_and_counted_by_their_independence():
+    # Problem weights make every kind count the same
     curves = mean_curves(exact(GEL))
     problem = Problem.of(curves)
     parts = np.split(problem.weight * problem.mean, np.cumsum(problem.curve_sizes)[:-1])
     assert_allclose([((p - p.mean()) ** 2).sum() for p in parts], 1, rtol=1e-12)
+
+    # Independent points of white and of smooth residuals
+    rng = np.random.default_rng(0)
+    white, smooth = rng.normal(size=2000), np.sin(np.linspace(0, 20, 2000))
+    assert effective_points(white, (2000,)) == pytest.approx(2000, rel=0.1)
+    assert effective_points(smooth, (1000, 1000)) < 20
 
 
 def test_tests_that_no_law_describes_are_said_not_to_be_described():

@@ -68,21 +68,6 @@ def test_a_line_of_units_is_recognised(tmp_path, units):
     assert_right(read(tmp_path, [HEADER, units, *rows()]))
 
 
-def test_a_line_of_other_units_or_of_text_is_refused_unless_declared(tmp_path):
-    with pytest.raises(TableError, match=r"row 2: load is in \(kN\), the mapping declares N; set `unit: kN`"):
-        read(tmp_path, [HEADER, "(mm),(kN),", *rows(1, 1e3)])
-
-    # Text that is no unit is not skipped unless declared
-    lines = [HEADER, "way of head,newtons,", *rows()]
-    with pytest.raises(TableError, match="row 2: way is 'way of head'"):
-        read(tmp_path, lines)
-    assert_right(read(tmp_path, lines, table={"units_row": True}))
-    with pytest.raises(TableError, match="row 2: numbers, where `units_row: true`"):
-        read(tmp_path, [HEADER, *rows()], table={"units_row": True})
-    with pytest.raises(TableError, match=r"row 2: way is '\(mm\)'"):
-        read(tmp_path, [HEADER, "(mm),(N),", *rows()], table={"units_row": False})
-
-
 FACTORS = {"in": 25.4, "cm": 10.0, "um": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
 
 
@@ -111,12 +96,28 @@ def test_units_of_stress_and_percent(tmp_path, unit, MPa):
     np.testing.assert_allclose(test.nominal_stress, FORCE / 10, rtol=1e-6, atol=1e-9)
 
 
-def test_spellings_of_a_unit():
+def test_units_are_known_by_their_spellings_and_a_line_of_others_is_refused(tmp_path):
+    # Spellings of a unit
     found = [unit_named(t) for t in ("(µm)", "μm", "[kgf/cm²]", "N/mm^2", "sec", "degF", "mN", "MN", "")]
     assert found == ["um", "um", "kgf/cm2", "MPa", "s", "degF", "mN", None, None]
 
+    # A line of other units or of text is refused unless declared
+    with pytest.raises(TableError, match=r"row 2: load is in \(kN\), the mapping declares N; set `unit: kN`"):
+        read(tmp_path, [HEADER, "(mm),(kN),", *rows(1, 1e3)])
 
-def test_a_header_below_lines_of_any_number(tmp_path):
+    # Text that is no unit is not skipped unless declared
+    lines = [HEADER, "way of head,newtons,", *rows()]
+    with pytest.raises(TableError, match="row 2: way is 'way of head'"):
+        read(tmp_path, lines)
+    assert_right(read(tmp_path, lines, table={"units_row": True}))
+    with pytest.raises(TableError, match="row 2: numbers, where `units_row: true`"):
+        read(tmp_path, [HEADER, *rows()], table={"units_row": True})
+    with pytest.raises(TableError, match=r"row 2: way is '\(mm\)'"):
+        read(tmp_path, [HEADER, "(mm),(N),", *rows()], table={"units_row": False})
+
+
+def test_a_header_below_lines_and_separators_at_their_end_are_read(tmp_path):
+    # A header below lines of any number
     above = ["Machine 7", "", "Rate;10 mm/min", 'Remark "open', "way of the head"]
     for count in (0, 2, 5):
         lines = [*above[:count], HEADER, "", *rows()]
@@ -130,8 +131,7 @@ def test_a_header_below_lines_of_any_number(tmp_path):
     with pytest.raises(ConfigError, match="leave `skip_rows` and `header` out"):
         read(tmp_path, [HEADER, *rows()], table={"header_begins_with": "way", "skip_rows": 1})
 
-
-def test_separators_at_the_end_of_lines(tmp_path):
+    # Separators at the end of lines
     assert_right(read(tmp_path, [f"{HEADER},,", *rows(end=",,")]))
     assert_right(read(tmp_path, [HEADER, *rows(end=",")]))
     assert_right(read(tmp_path, [f"{HEADER},", *rows()]))
@@ -179,7 +179,8 @@ def batches(folder, factors):
     return read_sources([folder], folder / "mapping.yaml")[0]
 
 
-def test_equal_file_names_in_folders_are_samples_of_their_own(tmp_path):
+def test_samples_are_named_by_their_folders_and_named_once(tmp_path):
+    # Equal file names in folders are samples of their own
     factors = {"10A/run_1.csv": 1.0, "10A/run_2.csv": 1.02, "20A/run_1.csv": 2.2, "20A/run_2.csv": 2.21}
     source = batches(tmp_path / "gel", factors)
     assert [t.sample for t in source.tests] == ["10A/run_1", "10A/run_2", "20A/run_1", "20A/run_2"]
@@ -188,26 +189,26 @@ def test_equal_file_names_in_folders_are_samples_of_their_own(tmp_path):
     said = scatter(mean_curves(list(source.tests))[0], law)
     assert len(said) == 1 and "(10A/run_1)" in said[0] and "(20A/run_2), a factor of 2.21" in said[0]
 
-
-def test_samples_that_scatter_as_moulds_do_are_no_finding(tmp_path):
-    source = batches(tmp_path / "gel", {"a.csv": 0.98, "b.csv": 1.0, "c.csv": 1.03})
+    # Samples that scatter as moulds do are no finding
+    moulds = tmp_path / "moulds"
+    source = batches(moulds / "gel", {"a.csv": 0.98, "b.csv": 1.0, "c.csv": 1.03})
     assert [t.sample for t in source.tests] == ["a", "b", "c"]
     assert scatter(mean_curves(list(source.tests))[0], Ogden((G,), (2.0,))) == []
 
-
-def test_a_file_that_is_named_twice_is_refused_and_two_folders_are_not(tmp_path):
+    # A file that is named twice is refused and two folders are not
+    named = tmp_path / "named"
     for day, factor in (("day1", 1.0), ("day2", 1.01)):
-        batches(tmp_path / day, {"run_1.csv": factor})
-    mapping = tmp_path / "day1/mapping.yaml"
+        batches(named / day, {"run_1.csv": factor})
+    mapping = named / "day1/mapping.yaml"
     entry = yaml.safe_load(mapping.read_text())
     entry["tests"][0]["material"] = "gel"
     mapping.write_text(yaml.safe_dump(entry))
-    found = read_sources([tmp_path / "day1", tmp_path / "day2"], mapping)
+    found = read_sources([named / "day1", named / "day2"], mapping)
     assert [t.sample for t in found[0].tests] == [
-        f"{tmp_path.as_posix()}/{day}/run_1" for day in ("day1", "day2")
+        f"{named.as_posix()}/{day}/run_1" for day in ("day1", "day2")
     ]
     with pytest.raises(TableError, match="sample .* is read twice; name each file or folder once"):
-        read_sources([tmp_path / "day1", tmp_path / "day1"], mapping)
+        read_sources([named / "day1", named / "day1"], mapping)
 
 
 def press(tmp_path, contact_mm):

@@ -87,7 +87,8 @@ def test_every_measure_gives_the_same_curve(read, strain, values, more, stress, 
     np.testing.assert_allclose(test.nominal_stress, P(LAM), rtol=1e-7, atol=1e-10)
 
 
-def test_inflation_and_its_thin_membrane_condition(read):
+def test_inflation_needs_a_thin_membrane_and_other_separators_are_read(read):
+    # Inflation and its thin membrane condition
     lam = LAM[1:]
     pressure = 2 * 0.5 * lam**-2 * G * (lam**2 - lam**-4) / 30 * 1e3
     table = {"p": pressure, "r": np.full(len(lam), 30.0), "stretch": lam}
@@ -101,14 +102,14 @@ def test_inflation_and_its_thin_membrane_condition(read):
     with pytest.raises(TableError, match=r"row 2: radius 30 mm with a thickness of 4 mm.*needs r >= 10 h0"):
         read(table, **more, thickness_mm=4)
 
-
-def test_semicolons_decimal_commas_latin_1_and_lines_above(read):
+    # Semicolons decimal commas latin 1 and lines above
     form = {"separator": ";", "decimal": ",", "encoding": "latin-1", "skip_rows": 2}
     test = read(PLAIN, ";", ",", above="Gerät;1\n20 °C;;\n", encoding="latin-1", table=form)[0]
     np.testing.assert_allclose(test.stretch, LAM, rtol=1e-8)
 
 
-def test_samples_that_share_a_file_are_split_and_kelvin_is_converted(read):
+def test_samples_are_split_kelvin_converted_and_values_read_from_the_name(read):
+    # Samples that share a file are split and kelvin is converted
     table = {"id": ["a"] * 41 + ["b"] * 41, "stretch": np.r_[LAM, LAM], "P": np.r_[P(LAM), 2 * P(LAM)]}
     table["T"] = np.full(82, 293.15)
     a, b = read(table, split="id", temperature={"column": "T", "unit": "K"})
@@ -116,8 +117,7 @@ def test_samples_that_share_a_file_are_split_and_kelvin_is_converted(read):
     np.testing.assert_allclose(b.nominal_stress, 2 * a.nominal_stress, rtol=1e-7, atol=1e-12)
     assert a.temperature_C == pytest.approx(20.0)
 
-
-def test_a_value_in_the_name_is_read_only_where_declared(read):
+    # A value in the name is read only where declared
     assert read(PLAIN, name="x_0d05.csv")[0].rate_per_s is None
     named = {"pattern": r"(?P<sample>x)_(?P<rate_per_s>[0-9d]+)", "decimal": "d"}
     test = read(PLAIN, name="x_0d05.csv", from_name=named)[0]
@@ -136,7 +136,8 @@ def with_toe():
     return {"stretch": TOE, "P": P(np.maximum(TOE / 1.03, 1.0))}
 
 
-def test_toe_offset_and_late_start_are_reported_and_corrected_only_when_asked(read):
+def test_corrections_are_made_only_when_asked_and_findings_say_what_is_missing(read):
+    # Toe offset and late start are reported and corrected only when asked
     kept = read(with_toe())[0]
     assert any("extrapolates to zero at a strain of 0.0" in s for s in kept.findings), kept.findings
     np.testing.assert_allclose(kept.stretch, TOE, rtol=1e-8)
@@ -150,8 +151,7 @@ def test_toe_offset_and_late_start_are_reported_and_corrected_only_when_asked(re
     assert any("first row is at 1.04" in s for s in read(late)[0].findings)
     assert read(late, corrections={"zero_strain": True})[0].stretch[0] == pytest.approx(1.0)
 
-
-def test_a_curve_reports_what_is_missing_or_unchecked(read):
+    # A curve reports what is missing or unchecked
     assert read(PLAIN)[0].findings == ("no time column: rate, holds and relaxation cannot be found",)
     assert read({**PLAIN, "t": LAM}, time={"column": "t"})[0].findings == ()
 

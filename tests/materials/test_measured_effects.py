@@ -35,7 +35,8 @@ def aged(count, change, rng, **known):
     ]
 
 
-def test_ageing_is_found_among_tests_alike_in_rate_and_named_after_its_physics():
+def test_ageing_is_found_among_like_tests_and_not_where_covariates_change_together():
+    # Ageing is found among tests alike in rate and named after its physics
     found = effects_of(aged(6, 0.3, np.random.default_rng(0)))
     [age] = named(found, "age")
     assert age.verdict == "significant stiffening"
@@ -45,8 +46,7 @@ def test_ageing_is_found_among_tests_alike_in_rate_and_named_after_its_physics()
     assert INFORMS["age"] == ("ageing",)
     assert "strain_rate" in {effect for effect, _ in found.not_judged}
 
-
-def test_covariates_that_change_together_or_hardly_are_not_judged():
+    # Covariates that change together or hardly are not judged
     rng = np.random.default_rng(1)
     tests = [
         loading(1 + 0.3 * (d > 0), f"s{d}{k}", rng, age_days=d, temperature_C=20 + d)
@@ -65,7 +65,8 @@ def test_covariates_that_change_together_or_hardly_are_not_judged():
     assert "alike" in dict(found.not_judged)["strain_rate"]
 
 
-def test_later_cycles_are_softening():
+def test_later_cycles_soften_and_a_hold_is_part_of_a_cycles_loss():
+    # Later cycles are softening
     rng = np.random.default_rng(3)
     first = [loading(1, f"s{k}", rng, cycle=1) for k in range(5)]
     second = [loading(0.8, f"s{k}", rng, cycle=2) for k in range(5)]
@@ -81,6 +82,19 @@ def test_later_cycles_are_softening():
     assert hysteresis.verdict == "significant hysteresis" and hysteresis.interval[0] > 0.2
     assert soft.verdict == "significant softening"
     assert law.interval[0] < 1.6 < law.interval[1]  # R of test_histories
+
+    # Relaxation in a hold is said to be part of a cycles loss
+    t = np.r_[np.linspace(0, 5, 50), np.linspace(6, 100, 60), np.linspace(101, 106, 50)]
+    lam = np.interp(t, [0, 5, 100, 106], [1, 1.5, 1.5, 1])
+    stress = virgin(lam) * np.where(t <= 5, 1, 0.6)
+    segments = find_segments(lam, t)
+    assert [s.kind for s in segments] == ["load", "hold", "unload"]
+    test = MaterialTest("uniaxial", "h", lam, stress, t, history="relaxation", segments=segments)
+    [loop] = named(effects_of([test]), "hysteresis")
+    assert loop.value == pytest.approx(0.4, abs=0.01)  # trapezoids between 50 rows
+    assert "relaxation in its holds included" in loop.sentence
+    [cycle] = named(effects_of([cyclic(2.0, 2.0)]), "hysteresis")
+    assert "holds" not in cycle.sentence
 
 
 def held(sample, equilibrium=1.0, stretch=1.5, **known):
@@ -141,20 +155,6 @@ def test_a_treatment_counted_in_doses_and_curves_that_cross():
     )
     assert strong.verdict == "significant stiffening" and "more than the 10%" in strong.sentence
     assert "on average" not in strong.sentence  # a factor at every strain
-
-
-def test_relaxation_in_a_hold_is_said_to_be_part_of_a_cycles_loss():
-    t = np.r_[np.linspace(0, 5, 50), np.linspace(6, 100, 60), np.linspace(101, 106, 50)]
-    lam = np.interp(t, [0, 5, 100, 106], [1, 1.5, 1.5, 1])
-    stress = virgin(lam) * np.where(t <= 5, 1, 0.6)
-    segments = find_segments(lam, t)
-    assert [s.kind for s in segments] == ["load", "hold", "unload"]
-    test = MaterialTest("uniaxial", "h", lam, stress, t, history="relaxation", segments=segments)
-    [loop] = named(effects_of([test]), "hysteresis")
-    assert loop.value == pytest.approx(0.4, abs=0.01)  # trapezoids between 50 rows
-    assert "relaxation in its holds included" in loop.sentence
-    [cycle] = named(effects_of([cyclic(2.0, 2.0)]), "hysteresis")
-    assert "holds" not in cycle.sentence
 
 
 def test_every_effect_names_a_physics_and_what_is_not_tested_is_said():

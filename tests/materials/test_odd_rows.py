@@ -78,7 +78,8 @@ def test_a_start_that_bears_stress_is_refused_unless_the_force_is_zeroed():
     checked(untared)  # a load cell's zero of 9 %: a matter of `zero_force`, not of the columns
 
 
-def test_copies_are_refused_and_like_samples_are_not(tmp_path):
+def test_copies_are_refused_and_a_row_that_is_right_can_be_confirmed(tmp_path):
+    # Copies are refused and like samples are not
     one, two = curve(), curve(seed=1)
     check_copies("gel", [one, two])
     with pytest.raises(
@@ -98,6 +99,16 @@ def test_copies_are_refused_and_like_samples_are_not(tmp_path):
     (tmp_path / "friction.csv").write_text("trial,tilt_deg\n1,24\n2,24\n3,24\n")
     assert static_friction(tmp_path / "friction.csv").count == 3
 
+    # A row that is right is confirmed in samples csv
+    force = 20 * G * (LAM - LAM**-2)
+    assert len(own_format(tmp_path / "gel", force)) == 1
+    force[30] *= 0.5
+    with pytest.raises(
+        TableError, match=r"a.csv, row 32: .*`keep_odd_rows` among the corrections in samples.csv"
+    ):
+        own_format(tmp_path / "gel", force)
+    assert len(own_format(tmp_path / "gel", force, "keep_odd_rows")) == 1
+
 
 def own_format(folder, force, corrections=""):
     folder.mkdir(exist_ok=True)
@@ -107,17 +118,6 @@ def own_format(folder, force, corrections=""):
         f"file,test,sample,width_mm,thickness_mm,corrections\na.csv,uniaxial,1,10,2,{corrections}\n"
     )
     return read_material_tests(folder)
-
-
-def test_a_row_that_is_right_is_confirmed_in_samples_csv(tmp_path):
-    force = 20 * G * (LAM - LAM**-2)
-    assert len(own_format(tmp_path / "gel", force)) == 1
-    force[30] *= 0.5
-    with pytest.raises(
-        TableError, match=r"a.csv, row 32: .*`keep_odd_rows` among the corrections in samples.csv"
-    ):
-        own_format(tmp_path / "gel", force)
-    assert len(own_format(tmp_path / "gel", force, "keep_odd_rows")) == 1
 
 
 def test_a_press_that_is_swapped_or_off_is_refused(tmp_path):

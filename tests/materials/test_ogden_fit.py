@@ -100,7 +100,8 @@ def test_the_interval_of_youngs_modulus_covers_the_truth_as_often_as_it_says():
     assert np.sqrt(np.mean(np.square(sigmas))) / np.std(errors) == pytest.approx(1, abs=0.35)
 
 
-def test_covariance_scales_with_the_units_and_with_the_scatter():
+def test_covariance_follows_the_scatter_and_every_test_counts_the_same():
+    # Covariance scales with the units and with the scatter
     law = TRUTH["ecoflex_gel"]
     fit = fit_law(mean_curves(scattered(law, 3.0, 5, scatter=0.005)), "ogden2")
     stiffer = Ogden(tuple(1e3 * m for m in law.mu), law.alpha)
@@ -119,9 +120,8 @@ def test_covariance_scales_with_the_units_and_with_the_scatter():
     fit = fit_law(curves, "ogden2")
     assert (np.linalg.eigvalsh(fit.covariance) > 0).all()
 
-
-def test_every_test_counts_the_same_where_all_samples_reached():
-    """Curves that contradict each other by 10 %: both are missed by the same share of their stress."""
+    # Every test counts the same where all samples reached. Curves that contradict each other by 10 %: both are
+    # missed by the same share of their stress
     law, lam = Ogden((0.01,), (2.0,)), np.linspace(1.0, 2.0, 50)
     factors = {"uniaxial": 1.0, "pure_shear": 1.1}
     curves = [MeanCurve(t, lam, f * nominal_stress(law, t, lam)[None]) for t, f in factors.items()]
@@ -158,7 +158,8 @@ def test_one_to_three_terms_if_the_curves_determine_them():
 
 
 # ------------------------------------------------------------------------------------------------- files
-def test_results_are_the_same_bytes_on_a_rerun(demo, tmp_path):
+def test_results_are_the_same_bytes_on_a_rerun_and_the_digest_follows_the_files(demo, tmp_path):
+    # Results are the same bytes on a rerun
     folder, laws = demo
     for name in laws:
         characterise(name, Material(tests=DEMO / name), tmp_path / name)
@@ -174,6 +175,17 @@ def test_results_are_the_same_bytes_on_a_rerun(demo, tmp_path):
         assert content["youngs_modulus_kPa"] == pytest.approx(
             1.5 * np.dot(content["mu_kPa"], content["alpha"])
         )
+
+    # The digest follows the raw files
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    for path in (DEMO / "ecoflex_gel").iterdir():
+        (copy / path.name).write_bytes(path.read_bytes())
+    target = copy / "uniaxial_01.csv"
+    target.write_text(target.read_text().replace("# synthetic", "# Synthetic"))
+    law = fitted("gel", Material(tests=copy), copy / "out")
+    assert law.inputs_digest != demo[1]["ecoflex_gel"].inputs_digest
+    assert law.law == demo[1]["ecoflex_gel"].law
 
 
 def test_curves_and_table_hold_the_fit(demo):
@@ -198,17 +210,8 @@ def test_curves_and_table_hold_the_fit(demo):
     assert ((bounded.low_95 < truth) & (truth < bounded.high_95)).sum() >= 8
 
 
-def test_the_digest_follows_the_raw_files(demo, tmp_path):
-    for path in (DEMO / "ecoflex_gel").iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    target = tmp_path / "uniaxial_01.csv"
-    target.write_text(target.read_text().replace("# synthetic", "# Synthetic"))
-    law = fitted("gel", Material(tests=tmp_path), tmp_path / "out")
-    assert law.inputs_digest != demo[1]["ecoflex_gel"].inputs_digest
-    assert law.law == demo[1]["ecoflex_gel"].law
-
-
-def test_a_given_law_is_written_without_uncertainty(tmp_path):
+def test_a_given_law_has_no_uncertainty_and_a_failed_fit_names_its_folder(tmp_path):
+    # A given law is written without uncertainty
     parameters = OgdenParameters(mu_kPa=[85.1168, -0.0020], alpha=[2.8991, -8.2915])
     characterise("skin", Material(parameters=parameters), tmp_path)
     assert json.loads((tmp_path / "effects.json").read_text())["effects"] == []
@@ -221,6 +224,18 @@ def test_a_given_law_is_written_without_uncertainty(tmp_path):
     table = material_table([law])
     assert table.set_index("quantity").loc["E", "value"] == pytest.approx(370.2, abs=0.05)
     assert table[["low_95", "high_95"]].isna().all(axis=None)
+
+    # The fit names the folder it failed on
+    nine_rows = tmp_path / "nine_rows"
+    nine_rows.mkdir()
+    (nine_rows / "samples.csv").write_text("file,test,sample\nua.csv,uniaxial,s1\n")
+    lam = np.linspace(1, 2, 9)
+    rows = "".join(f"{l:.6g},{20 * (l - l**-2):.6g}\n" for l in lam)
+    (nine_rows / "ua.csv").write_text("stretch_1,nominal_stress_kPa\n" + rows)
+    material = Material(tests=nine_rows, laws=["ogden3"])  # six parameters, nine rows
+    with pytest.raises(FitError, match=nine_rows.name):
+        characterise("gel", material, nine_rows / "out")
+    assert not (nine_rows / "out").exists()
 
 
 def _flat(law):
@@ -246,17 +261,6 @@ def test_a_damaged_law_file_is_named(tmp_path, change, message):
     seal(path)  # by hand, so that the checks behind the checksum are reached
     with pytest.raises(LawFileError, match=r"law\.json: .*" + message):
         read_law(path)
-
-
-def test_the_fit_names_the_folder_it_failed_on(tmp_path):
-    (tmp_path / "samples.csv").write_text("file,test,sample\nua.csv,uniaxial,s1\n")
-    lam = np.linspace(1, 2, 9)
-    rows = "".join(f"{l:.6g},{20 * (l - l**-2):.6g}\n" for l in lam)
-    (tmp_path / "ua.csv").write_text("stretch_1,nominal_stress_kPa\n" + rows)
-    material = Material(tests=tmp_path, laws=["ogden3"])  # six parameters, nine rows
-    with pytest.raises(FitError, match=tmp_path.name):
-        characterise("gel", material, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
 
 
 # ------------------------------------------------------------------------------------------- demo files

@@ -71,7 +71,8 @@ def test_tension_read_from_pictures(strip):
     assert len(input_files(strip)) == 2 + 13  # pictures are inputs: a change of one changes the law
 
 
-def test_a_stated_window_and_rows_without_picture_are_said(tmp_path):
+def test_rows_without_picture_or_texture_are_left_out_and_missing_columns_named(tmp_path):
+    # A stated window and rows without picture are said
     film = TensileFilm(TENSION, shape=(140, 380))
     x, y, width, height = film.window
     folder = write_tension(
@@ -86,16 +87,26 @@ def test_a_stated_window_and_rows_without_picture_are_said(tmp_path):
     assert "1 rows without image left out" in test.findings[0]
     assert "as stated" in test.findings[1]
 
-
-def test_lost_frames_are_left_out_with_their_reason(tmp_path):
+    # Lost frames are left out with their reason
+    lost = tmp_path / "lost"
+    lost.mkdir()
     contrast = np.ones(13)
     contrast[[4, 5]] = 0
-    folder = write_tension(tmp_path / "m", TensileFilm(TENSION, contrast=contrast, shape=(140, 380)))
+    folder = write_tension(lost / "m", TensileFilm(TENSION, contrast=contrast, shape=(140, 380)))
     (test,) = read_material_tests(folder)
     assert_allclose(test.stretch, TENSION[contrast > 0], rtol=5e-3)
     assert_allclose(test.time_s, np.flatnonzero(contrast))
     (said,) = [s for s in test.findings if "left out" in s]
     assert "2 rows left out: row 7 (pictures/004.png): texture lost" in said
+
+    # Neither stretch nor pictures still names the missing column
+    nothing = tmp_path / "nothing"
+    nothing.mkdir()
+    folder = write_tension(
+        nothing / "m", TensileFilm(TENSION[:2], shape=(140, 380)), columns="time_s,force_N,frame"
+    )
+    with pytest.raises(TableError, match="stretch_1"):
+        read_material_tests(folder)
 
 
 def test_inflation_read_from_two_views(membrane):
@@ -149,12 +160,4 @@ def test_what_cannot_be_tracked_is_refused(tmp_path, change, words):
     folder = write_tension(tmp_path / "m", TensileFilm(TENSION, shape=(140, 380)), change)
     cv2.imwrite(str(folder / "pictures" / "odd.png"), np.zeros((100, 100), np.uint8))
     with pytest.raises(TableError, match=words):
-        read_material_tests(folder)
-
-
-def test_neither_stretch_nor_pictures_still_names_the_missing_column(tmp_path):
-    folder = write_tension(
-        tmp_path / "m", TensileFilm(TENSION[:2], shape=(140, 380)), columns="time_s,force_N,frame"
-    )
-    with pytest.raises(TableError, match="stretch_1"):
         read_material_tests(folder)

@@ -68,13 +68,8 @@ def test_cauchy_stress_of_each_kind_of_test(material):
     assert_allclose(curve.cauchy_stress, [0, 0.036, 0.075])
 
 
-def test_semicolons_decimal_commas_and_comments(material):
-    plain = read_material_tests(material())[0]
-    text = "# rig 3\n" + uniaxial().replace(",", ";").replace(".", ",")
-    assert_allclose(read_material_tests(material(ua=text))[0].cauchy_stress, plain.cauchy_stress, rtol=1e-15)
-
-
-def test_compression_and_tracking_noise_are_monotonic(material):
+def test_compression_and_tracking_noise_are_monotonic_and_a_gel_may_be_too_soft_to_check(material):
+    # Compression and tracking noise are monotonic
     lam = np.linspace(1.0, 0.6, 20)
     curve = read_material_tests(material(ua=uniaxial(lam)))[0]
     assert curve.cauchy_stress[-1] < 0
@@ -83,6 +78,13 @@ def test_compression_and_tracking_noise_are_monotonic(material):
     lam = STRETCHES.copy()
     lam[10] = lam[9] - 0.005  # half of the 1 % of the range that is let pass
     assert len(read_material_tests(material(ua=uniaxial(lam)))[0].stretch) == 21
+
+    # A gel so soft that a unit wrong by a thousand stays plausible is said
+    soft = uniaxial(force=neo_hooke_force(STRETCHES, 5.0, 0.002))  # 2 kPa, or 2 MPa with a force in mN
+    found = read_material_tests(material(f"{HEADER}\nua.csv,uniaxial,s1,10,0.5\n", ua=soft))[0].findings
+    assert any("units are not checked: a shear modulus of 2 kPa" in text for text in found)
+    usual = read_material_tests(material())  # 20 kPa
+    assert not any("units are not checked" in text for test in usual for text in test.findings)
 
 
 def test_relaxation_samples_are_read_with_their_hold(material):
@@ -96,11 +98,6 @@ def test_relaxation_samples_are_read_with_their_hold(material):
     assert [s.kind for s in tests[1].segments] == ["load", "hold"]
     assert monotonic_loading(tests)[0] == tests[:1]  # not fitted where there is another loading
     assert [path.name for path in input_files(folder)] == ["samples.csv", "ua.csv", "relax.csv"]
-
-
-def test_synthetic_tests_are_known_by_their_comment(material):
-    assert not declared_synthetic(material())
-    assert declared_synthetic(material(eb="# synthetic, not measured\n" + inflation()))
 
 
 def with_row(text, number, row):
@@ -214,14 +211,16 @@ def test_bad_input_stops_with_file_row_value_limit_and_remedy(material, samples,
         read_material_tests(material(samples, **files))
 
 
-def test_a_folder_without_samples_is_named(tmp_path):
+def test_a_folder_is_read_with_its_separators_and_its_synthetic_mark(tmp_path, material):
+    # A folder without samples is named
     with pytest.raises(TableError, match=r"samples\.csv: no such file"):
         read_material_tests(tmp_path)
 
+    # Semicolons decimal commas and comments
+    plain = read_material_tests(material())[0]
+    text = "# rig 3\n" + uniaxial().replace(",", ";").replace(".", ",")
+    assert_allclose(read_material_tests(material(ua=text))[0].cauchy_stress, plain.cauchy_stress, rtol=1e-15)
 
-def test_a_gel_so_soft_that_a_unit_wrong_by_a_thousand_stays_plausible_is_said(material):
-    soft = uniaxial(force=neo_hooke_force(STRETCHES, 5.0, 0.002))  # 2 kPa, or 2 MPa with a force in mN
-    found = read_material_tests(material(f"{HEADER}\nua.csv,uniaxial,s1,10,0.5\n", ua=soft))[0].findings
-    assert any("units are not checked: a shear modulus of 2 kPa" in text for text in found)
-    usual = read_material_tests(material())  # 20 kPa
-    assert not any("units are not checked" in text for test in usual for text in test.findings)
+    # Synthetic tests are known by their comment
+    assert not declared_synthetic(material())
+    assert declared_synthetic(material(eb="# synthetic, not measured\n" + inflation()))

@@ -40,7 +40,8 @@ def test_cycles_are_counted(timed):
     ]  # fmt: skip
 
 
-def test_segments_cover_all_rows():
+def test_segments_cover_all_rows_and_noise_is_no_reversal():
+    # Segments cover all rows
     found = find_segments(*reversed(STAIRS))
     assert found[0].start == 0 and found[-1].stop == len(STAIRS[0])
     assert all(a.stop == b.start + 1 for a, b in zip(found, found[1:]))
@@ -52,8 +53,7 @@ def test_segments_cover_all_rows():
     time, s = path((0, 0), (10, 5), (20, 0))
     assert [g.kind for g in find_segments(s, time, at_rest=0.0)] == ["load", "unload"]
 
-
-def test_noise_is_no_reversal():
+    # Noise is no reversal
     time, s = path((0, 1), (10, 2), (12, 2), (20, 1))
     s[30:34] = s[33] + 0.02  # 0.4 s ahead, then back by 2 % of the range
     assert [g.kind for g in find_segments(s, time)] == ["load", "hold", "unload"]

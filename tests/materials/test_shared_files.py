@@ -264,15 +264,15 @@ def test_what_is_odd_about_a_file_is_said():
     assert "repeat the time stamp" in " ".join(all_in("two_loadcells")[0].findings)
 
 
-def test_columns_are_found_by_name_though_their_order_differs():
+def test_columns_are_found_by_name_and_a_toe_is_removed_only_when_asked():
+    # Columns are found by name though their order differs
     moduli = {}
     for test in all_in("oca_vhb_viscoelastic"):
         if test.source.startswith("monotonic"):
             moduli[test.source] = test.nominal_stress[-1] / test.stretch[-1] * 1e3
     assert all(5 < modulus < 60 for modulus in moduli.values())  # [kPa]; a wrong column is off by 10 or 100
 
-
-def test_a_toe_is_removed_only_when_asked():
+    # A toe is removed only when asked
     kept = by_sample("soro_materials_db")["Dragon Skin 20"]
     entry = mapping("soro_materials_db").entry_for("Dragon Skin 20.csv")
     asked = entry.corrections.model_copy(update={"toe": "remove"})
@@ -316,7 +316,8 @@ def test_biaxial_stresses_of_the_literature_meet_on_one_grid():
 
 
 # --------------------------------------------------------------------------------------------- known answers
-def test_vhb_stress_hysteresis_and_rate_dependence():
+def test_vhb_and_nitrile_have_their_stress_hysteresis_and_rates():
+    # Vhb stress hysteresis and rate dependence
     vhb = by_sample("vhb_20C")
     # the curve to 3.97 ends before 4; the README's values are of its last point
     for sample, stress in [("116", 118), ("117", 107), ("118", 95)]:
@@ -334,8 +335,7 @@ def test_vhb_stress_hysteresis_and_rate_dependence():
     alone = effect_of(RATE, [vhb["116"], vhb["118"]])
     assert alone.verdict == "undecided" and "without repeats" in alone.sentence
 
-
-def test_nitrile_hysteresis_and_holds():
+    # Nitrile hysteresis and holds
     nitrile = all_in("nitrile")[0]
     assert loops(nitrile)[0].lost_share == pytest.approx(0.31, abs=0.01)
     assert [s.kind for s in nitrile.segments].count("hold") == 14
@@ -358,7 +358,8 @@ def test_gain_mismatch_of_the_load_cells_depends_on_the_place():
     assert gain.deviation > 3 * max(np.std(v, ddof=1) for v in gains.values())
 
 
-def test_afm_gel_pulls_off_with_the_load_and_the_cell_does_not_come_free():
+def test_adhesion_and_a_board_that_gives_way_limit_what_is_known():
+    # Afm gel pulls off with the load and the cell does not come free
     afm = by_sample("afm_indentation")
     gel = adhesion(afm["polymergel_creep"].in_segment("0"), afm["polymergel_creep"].in_segment("2"))
     assert gel.detached and 0.9 < gel.ratio < 1.3
@@ -366,8 +367,7 @@ def test_afm_gel_pulls_off_with_the_load_and_the_cell_does_not_come_free():
     cell = adhesion(afm["cell_relaxation_01"].in_segment("1"), afm["cell_relaxation_01"].in_segment("3"))
     assert not cell.detached and "cannot be judged" in cell.sentence
 
-
-def test_the_board_gives_way_so_much_that_the_sample_cannot_be_told():
+    # The board gives way so much that the sample cannot be told
     asmi = {test.material: test for test in all_in("asmi_indentation")}
     soft = fit_modulus(asmi["PDMS"])
     assert soft.contact_mm == pytest.approx(2.6, abs=0.1)  # the force leaves its noise at z = -2.6

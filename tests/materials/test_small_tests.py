@@ -21,13 +21,24 @@ def written(tmp_path, text):
     return path
 
 
-def test_friction_is_the_tangent_of_the_tilt_with_students_interval(tmp_path):
+def test_friction_and_thickness_have_students_intervals(tmp_path):
+    # Friction is the tangent of the tilt with students interval
     path = written(tmp_path, "trial,tilt_deg\na,45\nb,44\nc,46\nd,45\n")
     mu = static_friction(path)
     values = np.tan(np.radians([45, 44, 46, 45]))
     assert mu.value == pytest.approx(values.mean())
     # t quantile for three degrees of freedom: 3.182 (Student's table)
     assert mu.interval[1] - mu.value == pytest.approx(3.182 * values.std(ddof=1) / 2, rel=1e-3)
+
+    # Thickness by sample
+    rows = "a,1,0.50\na,2,0.52\na,3,0.51\nb,1,0.6\nb,2,0.6\nb,3,0.63\n"
+    found = sheet_thickness(written(tmp_path, "sample,section,thickness_mm\n" + rows))
+    assert found["a"].value == pytest.approx(0.51) and found["a"].standard_error == pytest.approx(
+        0.01 / np.sqrt(3)
+    )
+    assert found["b"].count == 3
+    with pytest.raises(TableError, match="between 0.02 and 15"):
+        sheet_thickness(written(tmp_path, "sample,section,thickness_mm\na,1,510\na,2,500\na,3,505\n"))
 
 
 @pytest.mark.parametrize(
@@ -42,17 +53,6 @@ def test_friction_is_the_tangent_of_the_tilt_with_students_interval(tmp_path):
 def test_friction_refuses(tmp_path, text, message):
     with pytest.raises(TableError, match=message):
         static_friction(written(tmp_path, text))
-
-
-def test_thickness_by_sample(tmp_path):
-    rows = "a,1,0.50\na,2,0.52\na,3,0.51\nb,1,0.6\nb,2,0.6\nb,3,0.63\n"
-    found = sheet_thickness(written(tmp_path, "sample,section,thickness_mm\n" + rows))
-    assert found["a"].value == pytest.approx(0.51) and found["a"].standard_error == pytest.approx(
-        0.01 / np.sqrt(3)
-    )
-    assert found["b"].count == 3
-    with pytest.raises(TableError, match="between 0.02 and 15"):
-        sheet_thickness(written(tmp_path, "sample,section,thickness_mm\na,1,510\na,2,500\na,3,505\n"))
 
 
 def presses(gains, places=None, offsets=0.0):
@@ -125,22 +125,13 @@ def test_modulus_and_contact_are_recovered(thickness):
     assert fit.force_at_rest_N == pytest.approx(0.02, abs=0.003)
 
 
-def test_without_the_thin_layer_correction_the_layer_seems_stiffer():
+def test_the_layer_and_the_machines_give_are_corrected():
+    # Without the thin layer correction the layer seems stiffer
     fit = fit_modulus(press(1.5), None)
     assert fit.youngs_modulus > 1.5 * E
     assert any("half space is assumed" in warning for warning in fit.warnings)
 
-
-@pytest.mark.thorough
-def test_the_interval_holds_the_truth():
-    hits = sum(
-        fit.interval[0] <= E <= fit.interval[1]
-        for fit in (fit_modulus(press(noise=0.02, seed=s)) for s in range(40))
-    )
-    assert hits >= 34  # 95 % of 40 are 38; fewer than 34 has a probability of 1 %
-
-
-def test_the_machines_give_is_taken_off():
+    # The machines give is taken off
     give = 0.02  # mm per N
     soft = press(4.0)
     bent = IndentationTest(
@@ -152,7 +143,17 @@ def test_the_machines_give_is_taken_off():
     assert fit_modulus(bent, 4.0, machine=board).youngs_modulus == pytest.approx(E, rel=0.02)
 
 
-def test_contact_search_and_layer_factor_at_their_limits():
+@pytest.mark.thorough
+def test_the_interval_holds_the_truth():
+    hits = sum(
+        fit.interval[0] <= E <= fit.interval[1]
+        for fit in (fit_modulus(press(noise=0.02, seed=s)) for s in range(40))
+    )
+    assert hits >= 34  # 95 % of 40 are 38; fewer than 34 has a probability of 1 %
+
+
+def test_contact_search_layer_factor_and_adhesion_at_known_values():
+    # Contact search and layer factor at their limits
     z = np.linspace(0, 1, 100)
     with pytest.raises(ValueError, match="no contact point"):
         contact_point(z, -z, RADIUS)
@@ -163,8 +164,7 @@ def test_contact_search_and_layer_factor_at_their_limits():
     assert layer_factor(0.1, RADIUS, 1e6) == pytest.approx(1, abs=1e-6)
     assert layer_factor(0.1, RADIUS, None) == 1
 
-
-def test_adhesion_from_a_known_pull_off():
+    # Adhesion from a known pull off
     z = np.linspace(0, 1, 500)
     rng = np.random.default_rng(1)
     push = np.maximum(z - 0.6, 0) * 10

@@ -115,7 +115,16 @@ def study_file(path, stiff: dict):
     return str(path)
 
 
-def test_check_prints_moduli_and_asks(tmp_path, monkeypatch, capsys):
+def test_check_prints_moduli_and_stability_ahead_is_of_the_deepest_site(tmp_path, monkeypatch, capsys):
+    # Stability ahead is that of the deepest site
+    laws = {"soft": Ogden((7.9652e-3,), (1.2769,)), "stiff": Yeoh(60e-3, 0.0, -30e-3)}
+    shallow, deep = (PlannedCell(name, 8.0, 8.0, (0.3, depth)) for name, depth in (("a", 0.4), ("b", 2.0)))
+    check_stable_ahead(specimens.study(), laws, {"a": shallow})
+    for cells in ({"a": shallow, "b": deep}, {"b": deep, "a": shallow}):
+        with pytest.raises(ConfigError, match="skin is unstable"):
+            check_stable_ahead(specimens.study(), laws, cells)
+
+    # Check prints moduli and asks
     monkeypatch.chdir(tmp_path)
     stiff = {"parameters": {"law": "neo_hooke", "mu_kPa": 6700.0}}  # 20 MPa: a hard layer, or a unit
     assert main(["check", study_file(tmp_path / "s.yaml", stiff)]) == 1
@@ -135,12 +144,3 @@ def test_check_prints_moduli_and_asks(tmp_path, monkeypatch, capsys):
     assert (
         "the constitutive model of skin is unstable (Drucker) in" in message and "press less deep" in message
     )
-
-
-def test_stability_ahead_is_that_of_the_deepest_site():
-    laws = {"soft": Ogden((7.9652e-3,), (1.2769,)), "stiff": Yeoh(60e-3, 0.0, -30e-3)}
-    shallow, deep = (PlannedCell(name, 8.0, 8.0, (0.3, depth)) for name, depth in (("a", 0.4), ("b", 2.0)))
-    check_stable_ahead(specimens.study(), laws, {"a": shallow})
-    for cells in ({"a": shallow, "b": deep}, {"b": deep, "a": shallow}):
-        with pytest.raises(ConfigError, match="skin is unstable"):
-            check_stable_ahead(specimens.study(), laws, cells)

@@ -49,21 +49,22 @@ def test_both_stretches_hold_at_every_frame_to_three(name):
     assert (set(track.anchor) == {0}) == (film.wear == 0)
 
 
-def test_the_window_is_found_by_texture_and_stretch_may_return():
+def test_the_window_is_found_and_stretch_may_return_or_be_compression():
+    # The window is found by texture and stretch may return
     lam = np.concatenate([np.linspace(1, 1.8, 9), np.linspace(1.8, 1.02, 9)])
     film = TensileFilm(lam, slip=0.0)
     track = track_stretches(film.frames())
     assert_allclose(track.window_px, film.window, atol=0.15 * film.length_px)
     assert np.abs(errors(film, track)).max() < TO_REACH
 
-
-def test_compression_gives_the_loads_direction_first():
+    # Compression gives the loads direction first
     film = TensileFilm(np.linspace(1, 0.7, 11))
     track = track_stretches(film.frames(), film.window)
     assert np.abs(errors(film, track)).max() < TO_REACH
 
 
-def test_lost_texture_is_reported_frame_by_frame_and_found_again():
+def test_lost_texture_is_reported_before_it_misleads():
+    # Lost texture is reported frame by frame and found again
     contrast = np.ones(26)
     contrast[12:15] = 0
     film = TensileFilm(np.linspace(1, 1.5, 26), contrast=contrast)
@@ -74,8 +75,7 @@ def test_lost_texture_is_reported_frame_by_frame_and_found_again():
     assert (track.points[12:15] == 0).all()
     assert np.abs(errors(film, track)[contrast > 0]).max() < TO_REACH
 
-
-def test_texture_that_fades_is_given_up_before_it_misleads():
+    # Texture that fades is given up before it misleads
     film = TensileFilm(
         np.linspace(1, 2, 25), camera=DRIFTING, contrast=np.clip(np.linspace(1.1, -0.1, 25), 0, 1)
     )
@@ -84,7 +84,8 @@ def test_texture_that_fades_is_given_up_before_it_misleads():
     assert np.nanmax(np.abs(errors(film, track))) < 2 * TO_REACH  # of what is not reported as lost
 
 
-def test_what_leaves_the_picture_or_steps_too_far_is_reported():
+def test_what_leaves_the_picture_or_covers_background_is_reported():
+    # What leaves the picture or steps too far is reported
     film = TensileFilm(np.linspace(1, 3, 25), shape=(200, 300))
     track = track_stretches(film.frames(), film.window)
     assert "lie in the picture" in track.lost[-1].reason
@@ -95,8 +96,7 @@ def test_what_leaves_the_picture_or_steps_too_far_is_reported():
     track = track_stretches(film.frames(), film.window)
     assert len(track.lost) == 4
 
-
-def test_a_window_over_piece_and_still_background_is_not_trusted():
+    # A window over piece and still background is not trusted
     film = TensileFilm(np.linspace(1, 1.6, 13))
     still = Speckle(9).reflectance(np.stack(np.meshgrid(np.arange(660.0), np.arange(200.0)), axis=-1))
     still = film.camera.picture(still, 0, np.random.default_rng(1))
@@ -118,7 +118,8 @@ def test_pictures_without_texture_have_no_stretch(noise):
     assert [lost.frame for lost in track.lost] == [1, 2, 3]
 
 
-def test_apex_of_a_membrane_from_above():
+def test_apex_of_a_membrane_and_its_texture_from_above():
+    # Apex of a membrane from above
     film = MembraneFilm(np.linspace(1, 2.0, 21), camera_distance_mm=150.0)
     frames = [film.top_view(number) for number in range(21)]
     track = track_stretches(frames, (150, 130, 100, 100), TrackingSettings(degree=3))
@@ -128,21 +129,17 @@ def test_apex_of_a_membrane_from_above():
     flat_map = track_stretches(frames, (150, 130, 100, 100))  # why the cubic map is there
     assert np.nanmax(np.abs(flat_map.stretch / film.apparent_stretch[:, None] - 1)) > 10 * TO_REACH
 
-
-def test_principal_stretches_know_nothing_of_rotation_and_follow_the_direction():
-    rng = np.random.default_rng(5)
-    lam = rng.uniform(0.5, 3, (20, 2))
-    angle, turn = rng.uniform(-0.7, 0.7, (2, 20))
-
-    def rotation(a):
-        return np.moveaxis(np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]), -1, 0)
-
-    N = rotation(angle)
-    U = N @ (lam[:, :, None] * np.swapaxes(N, 1, 2))
-    assert_allclose(principal_stretches_2d(rotation(turn) @ U, [1.0, 0.0]), lam, rtol=1e-12)
+    # Texture is found on a membrane
+    film = MembraneFilm(np.array([1.0]))
+    x, y, width, height = textured_window(film.top_view(0), (1 / 3, 1 / 3))
+    assert_allclose(
+        [x + width / 2, y + height / 2], [199.5, 179.5], atol=10
+    )  # px; a window need not be centred
+    assert 80 < width < 130 and 80 < height < 130
 
 
-def test_frames_are_drawn_and_lost_ones_named():
+def test_frames_are_drawn_lost_ones_named_and_nothing_to_read_is_said(tmp_path):
+    # Frames are drawn and lost ones named
     film = TensileFilm(np.array([1.0, 1.02, 1.04]), contrast=np.array([1.0, 1.0, 0.0]))
     frames = list(film.frames())
     track = track_stretches(frames, film.window)
@@ -150,6 +147,14 @@ def test_frames_are_drawn_and_lost_ones_named():
         np.ptp(drawn_points(f, track, k)[30:].astype(int), axis=-1).max() > 100 for k, f in enumerate(frames)
     ]
     assert coloured == [True, True, False]
+
+    # Nothing to read is said
+    with pytest.raises(TrackingError, match="no frames"):
+        track_stretches([])
+    (tmp_path / "text.png").write_text("no picture")
+    for name in ("absent.png", "text.png"):
+        with pytest.raises(TrackingError, match=f"{name}: no readable picture"):
+            read_grey(tmp_path / name)
 
 
 @pytest.mark.parametrize(
@@ -164,17 +169,9 @@ def test_a_window_that_cannot_be_used_is_refused(window, words):
         track_stretches(TensileFilm(np.array([1.0, 1.1])).frames(), window)
 
 
-def test_nothing_to_read_is_said(tmp_path):
-    with pytest.raises(TrackingError, match="no frames"):
-        track_stretches([])
-    (tmp_path / "text.png").write_text("no picture")
-    for name in ("absent.png", "text.png"):
-        with pytest.raises(TrackingError, match=f"{name}: no readable picture"):
-            read_grey(tmp_path / name)
-
-
-def test_the_film_shows_the_texture_where_it_says():
-    """Truth of the films: a pixel shows the reflectance of its material point, and points() inverts its place."""
+def test_the_films_and_principal_stretches_are_what_they_say():
+    # The film shows the texture where it says. Truth of the films: a pixel shows the reflectance of its material
+    # point, and points() inverts its place
     film = TensileFilm(np.linspace(1, 2, 5), slip=0.05, turn_rad=0.1, camera=Camera(blur_px=0, noise_grey=0))
     for number in (0, 3):
         X = film.reference_points(number)
@@ -186,6 +183,18 @@ def test_the_film_shows_the_texture_where_it_says():
             shown, 20 + 190 * film.speckle.reflectance(X[at[:, 0], at[:, 1]]), atol=0.51
         )  # rounding
     assert (np.diff(film.slipped) >= 0).all() and film.slipped[-1] > 0
+
+    # Principal stretches know nothing of rotation and follow the direction
+    rng = np.random.default_rng(5)
+    lam = rng.uniform(0.5, 3, (20, 2))
+    angle, turn = rng.uniform(-0.7, 0.7, (2, 20))
+
+    def rotation(a):
+        return np.moveaxis(np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]), -1, 0)
+
+    N = rotation(angle)
+    U = N @ (lam[:, :, None] * np.swapaxes(N, 1, 2))
+    assert_allclose(principal_stretches_2d(rotation(turn) @ U, [1.0, 0.0]), lam, rtol=1e-12)
 
 
 # The independent solution is itself a measurement; both use patches of 27 px.
@@ -222,12 +231,3 @@ def test_real_speckle_agrees_with_an_independent_solution():
         F = np.eye(2) + np.linalg.lstsq(A, moved[inside], rcond=None)[0][1:].T
         # 2e-4: 0.02 px over half the window's width
         assert_allclose(np.sort(track.stretch[k]), np.sort(principal_stretches_2d(F, [0, 1])), atol=2e-4)
-
-
-def test_texture_is_found_on_a_membrane():
-    film = MembraneFilm(np.array([1.0]))
-    x, y, width, height = textured_window(film.top_view(0), (1 / 3, 1 / 3))
-    assert_allclose(
-        [x + width / 2, y + height / 2], [199.5, 179.5], atol=10
-    )  # px; a window need not be centred
-    assert 80 < width < 130 and 80 < height < 130

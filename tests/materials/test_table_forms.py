@@ -200,7 +200,8 @@ def test_curves_side_by_side_are_all_read(tmp_path, lengths):
         np.testing.assert_allclose(found[kind].nominal_stress, 0.05 * curve[:length], atol=1e-6)
 
 
-def test_two_curves_of_one_kind_are_two_samples_without_holes(tmp_path):
+def test_entries_read_the_files_that_they_name_and_two_curves_are_two_samples(tmp_path):
+    # Two curves of one kind are two samples without holes
     entries = [
         {**SIDES[0], "files": ["d.csv"]},
         {**SIDES[1], "kind": "uniaxial", "plausible_shear_modulus_kPa": [20, 100]},
@@ -214,6 +215,28 @@ def test_two_curves_of_one_kind_are_two_samples_without_holes(tmp_path):
     with pytest.raises(TableError, match=r"d\.csv, row 21: 2 is nothing"):
         read_all(tmp_path, SIDES, d="\n".join(lines))
 
+    # An entry reads the files that it names and are left
+    named = tmp_path / "named"
+    named.mkdir()
+    named.mkdir()
+    entry = {"files": ["d.csv", "e.csv"], "kind": "uniaxial", **COLUMNS}
+    with pytest.raises(
+        TableError, match=r"entry 1 of the mapping \(uniaxial, files \['e\.csv'\]\) reads no file"
+    ):
+        read_all(named, [entry], d=table(rows()))
+    assert len(read_all(named, [entry | {"optional": True}], d=table(rows()))) == 1
+    mapping = {"describes": "made here", "ignore": ["*"], "tests": [entry]}
+    (named / "mapping.yaml").write_text(yaml.safe_dump(mapping))
+    with pytest.raises(TableError, match=r"none of its 2 files is read as a test; `ignore` is \['\*'\]"):
+        read_sources([named], named / "mapping.yaml")
+
+    # A later pattern that fits too reads only what is left
+    entries = [*SIDES, {"files": ["*.csv"], "kind": "uniaxial", **COLUMNS}]
+    found = read_all(named, entries, d=beside(), other=table(rows()))
+    assert sorted(test.source for test in found) == ["d.csv"] * 3 + ["other.csv"]
+    mapping = load_mapping(named / "mapping.yaml")
+    assert len(mapping.entries_for("d.csv")) == 3 and mapping.entry_for("d.csv").kind == "uniaxial"
+
 
 @pytest.mark.parametrize("pattern", ["zug_*.csv", "*"])
 def test_an_entry_that_reads_no_file_is_an_error_unless_optional(tmp_path, pattern):
@@ -224,23 +247,3 @@ def test_an_entry_that_reads_no_file_is_an_error_unless_optional(tmp_path, patte
         read_all(tmp_path, entries, d=beside())
     entries[-1]["optional"] = True
     assert len(read_all(tmp_path, entries, d=beside())) == 3
-
-
-def test_an_entry_reads_the_files_that_it_names_and_are_left(tmp_path):
-    entry = {"files": ["d.csv", "e.csv"], "kind": "uniaxial", **COLUMNS}
-    with pytest.raises(
-        TableError, match=r"entry 1 of the mapping \(uniaxial, files \['e\.csv'\]\) reads no file"
-    ):
-        read_all(tmp_path, [entry], d=table(rows()))
-    assert len(read_all(tmp_path, [entry | {"optional": True}], d=table(rows()))) == 1
-    mapping = {"describes": "made here", "ignore": ["*"], "tests": [entry]}
-    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(mapping))
-    with pytest.raises(TableError, match=r"none of its 2 files is read as a test; `ignore` is \['\*'\]"):
-        read_sources([tmp_path], tmp_path / "mapping.yaml")
-
-    # A later pattern that fits too reads only what is left
-    entries = [*SIDES, {"files": ["*.csv"], "kind": "uniaxial", **COLUMNS}]
-    found = read_all(tmp_path, entries, d=beside(), other=table(rows()))
-    assert sorted(test.source for test in found) == ["d.csv"] * 3 + ["other.csv"]
-    mapping = load_mapping(tmp_path / "mapping.yaml")
-    assert len(mapping.entries_for("d.csv")) == 3 and mapping.entry_for("d.csv").kind == "uniaxial"

@@ -36,8 +36,9 @@ def heights(press, *gaps):
     return list(press.follow(start, start.centre + np.outer(gaps, [0.0, 0.0, 1.0])))
 
 
-def test_punch_and_ball_are_drawn_by_the_cohesive_law():
-    """All of the rigid face is at one gap: F = 2 w / range (1 - gap / range) A, A the area of the nodes under it."""
+def test_cohesion_draws_punch_and_ball_and_holds_on_the_way_up():
+    # Punch and ball are drawn by the cohesive law. All of the rigid face is at one gap: F = 2 w / range (1 - gap /
+    # range) A, A the area of the nodes under it
     press = adhesive_press(Cylinder(2.6, 4.0, 0.5), adhesion_approach=WORK)
     flat = np.hypot(*(press.body.mesh.X[press.surface, :2] - 5.0).T) < 2.1 - 1e-9
     for gap, state in zip((0.15, 0.05), heights(press, 0.15, 0.05)):
@@ -52,6 +53,16 @@ def test_punch_and_ball_are_drawn_by_the_cohesive_law():
     (state,) = heights(press, 1e-4)
     assert state.force[2] == pytest.approx(2 * np.pi * 5.0 * WORK, rel=0.03)  # 6 elements across the range
 
+    # Pull off is seen on the way up only
+    plain, sticky = cycle(0.0), cycle(5e-4)
+    assert_allclose(sticky[:2], plain[:2], rtol=2e-2)  # the way down; the rim holds what has touched
+    assert (plain <= 1e-9).all()
+    assert sticky.max() > 1e-3  # drawn back before it parts
+    assert (sticky[2:6] > plain[2:6]).all()
+    assert abs(sticky[-1]) < 1e-9  # parted: beyond the range nothing is felt
+    # JKR 1971: at least 3/2 pi R w holds a ball on a half-space; a thin bonded layer holds more
+    assert sticky.max() < 10 * 1.5 * np.pi * 5.0 * 5e-4
+
 
 @cache
 def cycle(work):
@@ -63,19 +74,9 @@ def cycle(work):
     return np.array([state.force[2] for state in heights(press, *-np.array(depths))])
 
 
-def test_pull_off_is_seen_on_the_way_up_only():
-    plain, sticky = cycle(0.0), cycle(5e-4)
-    assert_allclose(sticky[:2], plain[:2], rtol=2e-2)  # the way down; the rim holds what has touched
-    assert (plain <= 1e-9).all()
-    assert sticky.max() > 1e-3  # drawn back before it parts
-    assert (sticky[2:6] > plain[2:6]).all()
-    assert abs(sticky[-1]) < 1e-9  # parted: beyond the range nothing is felt
-    # JKR 1971: at least 3/2 pi R w holds a ball on a half-space; a thin bonded layer holds more
-    assert sticky.max() < 10 * 1.5 * np.pi * 5.0 * 5e-4
-
-
-def test_friction_falls_with_the_pressure():
-    """Nodes that slip carry mu times (1 + p / p0)^-n by each exponent times their pressure, to the stopping rule."""
+def test_friction_falls_with_the_pressure_and_is_coulombs_without_exponent():
+    # Friction falls with the pressure. Nodes that slip carry mu times (1 + p / p0)^-n by each exponent times their
+    # pressure, to the stopping rule
     (n, p0), (m, p1), mu = (0.5, 0.01), (-0.2, 0.03), 0.45
     settings = {"friction": mu, "friction_exponents": (n, m), "friction_pressures": (p0, p1)}
     press = adhesive_press(Sphere(5.0), law={"gel": NeoHooke(0.02)}, **settings)
@@ -93,8 +94,7 @@ def test_friction_falls_with_the_pressure():
         <= mu * press.area[sticks] * state.contact_pressure[sticks]
     ).all()
 
-
-def test_no_exponent_is_coulomb_bit_for_bit():
+    # No exponent is coulomb bit for bit
     plain = specimens.follow(specimens.press(settings=Settings()), specimens.CENTRE, [0.4])[-1]
     named = Settings(friction_exponents=(0.0,), friction_pressures=(0.5,), adhesion_work=0.0)
     again = specimens.follow(specimens.press(settings=named), specimens.CENTRE, [0.4])[-1]

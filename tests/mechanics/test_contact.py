@@ -63,7 +63,8 @@ def test_forces_equal_the_twin(mu):
         assert_allclose(found[name], expected, rtol=1e-12, atol=1e-15, err_msg=name)
 
 
-def test_states_limits_and_stiffness_of_the_sample():
+def test_states_limits_and_stiffness_of_the_sample_and_blocks_are_added():
+    # States limits and stiffness of the sample
     state = forces()["state"]
     for kind in (STICK, SLIP):
         assert (state == kind).sum() > 10
@@ -84,6 +85,13 @@ def test_states_limits_and_stiffness_of_the_sample():
     stiffness = forces()["stiffness"]
     assert_allclose(stiffness, np.swapaxes(stiffness, 1, 2), atol=1e-15)
     assert np.linalg.eigvalsh(stiffness).min() > -1e-14
+
+    # Blocks are added symmetrised and fixed entries skipped
+    slots = np.array([[[0, 1, 2], [1, 3, 4], [2, 4, 5]], [[-1] * 3] * 3])
+    blocks, data = rng.normal(size=(2, 3, 3)), np.ones(6)
+    add_node_blocks(slots, blocks, data)
+    half = (blocks[0] + blocks[0].T) / 2
+    assert_allclose(data, 1 + half[np.triu_indices(3)], rtol=1e-15)
 
 
 @pytest.mark.parametrize("weight", [0.3, 3.0, 300.0])
@@ -157,11 +165,3 @@ def check_rates(remainders, nodes):
     # A wrong derivative has the rate 1. Near a zero of the second derivative the third one shows and the rate grows.
     assert rate.min() > 1.8
     assert np.abs(np.median(rate) - 2) < 0.02
-
-
-def test_blocks_are_added_symmetrised_and_fixed_entries_skipped():
-    slots = np.array([[[0, 1, 2], [1, 3, 4], [2, 4, 5]], [[-1] * 3] * 3])
-    blocks, data = rng.normal(size=(2, 3, 3)), np.ones(6)
-    add_node_blocks(slots, blocks, data)
-    half = (blocks[0] + blocks[0].T) / 2
-    assert_allclose(data, 1 + half[np.triu_indices(3)], rtol=1e-15)

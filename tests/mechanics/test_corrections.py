@@ -65,8 +65,9 @@ def test_a_kept_factorisation_gives_the_correction_of_the_condensed_tangent(pres
     assert_allclose(dp, expected_dp, atol=1e-6 * np.abs(expected_dp).max(), rtol=0)
 
 
-def test_the_tangent_of_another_iterate_serves_with_the_coupling_of_this_one(pressed):
-    """Its correction leaves the linear equations of this iterate: the volumes' exactly, the forces' nearly."""
+def test_another_iterate_or_another_contact_is_corrected_by_the_same_factors(pressed):
+    # The tangent of another iterate serves with the coupling of this one. Its correction leaves the linear
+    # equations of this iterate: the volumes' exactly, the forces' nearly
     press, (_, second, third, _) = pressed
     corrections, contact = press.corrections, press.contact
     at = iterate_of(press, second)
@@ -84,11 +85,9 @@ def test_the_tangent_of_another_iterate_serves_with_the_coupling_of_this_one(pre
     expected, _ = condensed(press, moved, response, forces, False)
     assert_allclose(du, expected, atol=0.05 * np.abs(expected).max())
 
-
-def test_nodes_that_change_their_contact_cost_no_further_steps(pressed):
-    """By Woodbury's formula the preconditioner is exact for them; without it each would take a step of its own."""
+    # Nodes that change their contact cost no further steps. By Woodbury's formula the preconditioner is exact for
+    # them; without it each would take a step of its own
     press, (_, second, third, _) = pressed
-    corrections, contact = press.corrections, press.contact
     at = iterate_of(press, third)
     response = corrections.response(at.u, at.pressure)
     forces = contact.forces(at, contact.step(second, third.centre))

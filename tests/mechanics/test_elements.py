@@ -95,7 +95,8 @@ def test_gradients_equal_the_twin_and_reproduce_linear_fields(mesh):
     assert_allclose(found, np.broadcast_to(slope, found.shape), atol=2e-12)
 
 
-def test_the_straight_tetrahedron_reproduces_quadratic_fields():
+def test_tetrahedra_reproduce_quadratic_fields_and_are_numbered_outwards():
+    # The straight tetrahedron reproduces quadratic fields
     mesh = specimens.distorted(BLOCKS[10](3), 0.2, rng, boundary=True)
     B = rng.normal(size=(3, 3, 3))  # u_i = B_ijk X_j X_k
     gradient, _ = element_gradient(mesh.X, mesh.elements)
@@ -105,17 +106,7 @@ def test_the_straight_tetrahedron_reproduces_quadratic_fields():
     found = np.einsum("eai,eqaj->eqij", field[mesh.elements], gradient)
     assert_allclose(found, expected, atol=2e-12)
 
-
-@kinds
-def test_an_inverted_element_is_refused_by_number(A):
-    mesh = BLOCKS[A](2)
-    mirrored = mesh.X.copy()
-    mirrored[mesh.elements[5], 0] *= -1
-    with pytest.raises(ValueError, match=r"element 0 has volume factor -.*untangle"):
-        element_gradient(mirrored, mesh.elements[5:6])
-
-
-def test_nodes_and_faces_are_numbered_outwards_and_shared():
+    # Nodes and faces are numbered outwards and shared
     linear = BLOCKS[10](2)
     corners, N = linear.elements[:, :4], int(linear.elements[:, :4].max()) + 1
     X, elements = quadratic_tetrahedra(linear.X[:N], corners)
@@ -139,6 +130,15 @@ def test_nodes_and_faces_are_numbered_outwards_and_shared():
     assert np.array_equal(HEX8_CORNERS[:4, :2], HEX8_CORNERS[4:, :2])
     assert (HEX8_CORNERS[:4, 2] == -1).all()
     assert (HEX8_CORNERS[4:, 2] == 1).all()
+
+
+@kinds
+def test_an_inverted_element_is_refused_by_number(A):
+    mesh = BLOCKS[A](2)
+    mirrored = mesh.X.copy()
+    mirrored[mesh.elements[5], 0] *= -1
+    with pytest.raises(ValueError, match=r"element 0 has volume factor -.*untangle"):
+        element_gradient(mirrored, mesh.elements[5:6])
 
 
 def test_lumped_areas_carry_linear_tractions_and_converge():

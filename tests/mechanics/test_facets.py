@@ -23,7 +23,8 @@ def mean_distance(indenter, corners):
     return -np.einsum("p,q,pq->", weights, weights, gap) / 4
 
 
-def test_it_is_the_mean_distance_of_a_face_inside_the_indenter():
+def test_it_is_the_mean_distance_of_flat_faces_and_none_of_curved_ones():
+    # It is the mean distance of a face inside the indenter
     R, h = 20.0, 0.3
     along = np.array([-h / 2, h / 2])
     x, y = np.meshgrid(along, along, indexing="ij")
@@ -47,9 +48,7 @@ def test_it_is_the_mean_distance_of_a_face_inside_the_indenter():
     side = Cylinder(radius=3.0, length=8.0, edge=0.5).gap(np.array([[3.0, 0.0, 4.0]]), np.zeros(3))[2]
     assert_allclose(facet_gap(side, area), ball / 2, rtol=0.02)
 
-
-def test_curved_faces_of_tetrahedra_get_nothing():
-    """Their faces follow the ball between their corners."""
+    # Curved faces of tetrahedra get nothing. Their faces follow the ball between their corners
     mesh = layered_block(Block(4.0, 4.0, (("gel", 2.0),)), 2.0, 2.0, Sizes(near=1.0, far=1.0))
     for solid, expected in ((mesh, 0.75), (specimens.tetrahedral(specimens.box(2)), 0.0)):
         body = Body(solid, dict.fromkeys(solid.regions, NeoHooke(0.01)), 20.0)

@@ -41,15 +41,15 @@ def test_the_surface_stays_behind_by_what_the_film_has_given(friction):
         assert_allclose(-state.gap[touches], given[touches], atol=1e-8)
 
 
-def test_a_film_that_is_used_up_at_once_leaves_a_smaller_ball():
-    """At a vanishing pressure all of it has given way, along the normal: a ball smaller by it about the same middle."""
+def test_a_film_has_its_limits_of_a_smaller_ball_and_of_a_hyperbola():
+    # A film that is used up at once leaves a smaller ball. At a vanishing pressure all of it has given way, along
+    # the normal: a ball smaller by it about the same middle
     _, smaller = pressed((0.3 - THICK,), indenter=Sphere(5.0 - THICK))
     _, filmed = pressed((0.3,), film_thickness=THICK, film_pressure=1e-9)
     assert_allclose(filmed[0].force, smaller[0].force, rtol=1e-4, atol=1e-7)
 
-
-def test_under_a_flat_punch_on_a_rigid_body_it_alone_gives_way():
-    """F = A p with h p / (p + p_0) = depth: a hyperbola (Bandis, Lumsden & Barton 1983)."""
+    # Under a flat punch on a rigid body it alone gives way. F = A p with h p / (p + p_0) = depth: a hyperbola
+    # (Bandis, Lumsden & Barton 1983)
     depth, half = 0.6 * THICK, 0.01
     press, (state,) = pressed(
         (depth,), RIGID, Cylinder(2.6, 4.0, 0.5), film_thickness=THICK, film_pressure=half
@@ -59,8 +59,7 @@ def test_under_a_flat_punch_on_a_rigid_body_it_alone_gives_way():
     assert_allclose(state.contact_pressure[flat], p, rtol=0.02)  # the body gives by some of a thousandth
     assert -state.normal_force[flat, 2].sum() == pytest.approx(p * press.area[flat].sum(), rel=0.02)
 
-
-def test_its_slope_is_that_of_what_it_gives():
+    # Its slope is that of what it gives
     p = np.array([0.0, 1e-3, 0.02, 1.0])
     given, slope = film_given(p, THICK, 0.01)
     beside = film_given(p + 1e-8, THICK, 0.01)[0]

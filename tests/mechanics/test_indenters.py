@@ -234,7 +234,15 @@ def smooth_inside(box, points):
     return (np.abs(q) > 1e-3).all(axis=1) & ((two[:, 2] > 0) | (two[:, 2] - two[:, 1] > 1e-3))
 
 
-def test_rigid_motion_carries_gap_normal_and_turn_along(indenter, rng):
+def test_support_outline_and_rigid_motion_agree(indenter, rng):
+    # Support and outline agree
+    for direction in rng.normal(size=(20, 3)):
+        furthest = (indenter.outline @ direction).max() if not isinstance(indenter, Sphere) else None
+        if furthest is not None:
+            slack = 0.2 * indenter.size * np.linalg.norm(direction)  # the outline's own spacing
+            assert indenter.support(direction) - slack < furthest <= indenter.support(direction) + 1e-9
+
+    # Rigid motion carries gap normal and turn along
     points = cloud(indenter, rng)
     vector = np.array([0.3, -0.2, 0.5])
     R, shift = rotation_of(vector), np.array([0.4, 2.0, -1.0])
@@ -245,14 +253,6 @@ def test_rigid_motion_carries_gap_normal_and_turn_along(indenter, rng):
     one = np.abs(n - normal @ R.T).max(axis=1) < 1e-6  # a point as near to two faces may choose the other one
     assert one.mean() > 0.9
     assert_allclose(t[one], (R @ turn @ R.T)[one], atol=1e-6 * (1 + np.abs(turn[one]).max()))
-
-
-def test_support_and_outline_agree(indenter, rng):
-    for direction in rng.normal(size=(20, 3)):
-        furthest = (indenter.outline @ direction).max() if not isinstance(indenter, Sphere) else None
-        if furthest is not None:
-            slack = 0.2 * indenter.size * np.linalg.norm(direction)  # the outline's own spacing
-            assert indenter.support(direction) - slack < furthest <= indenter.support(direction) + 1e-9
 
 
 def test_footprint_covers_what_a_flat_plane_touches_at_half_the_depth(indenter):
@@ -270,7 +270,8 @@ def test_footprint_covers_what_a_flat_plane_touches_at_half_the_depth(indenter):
         assert reach.max() < 1.7 * np.hypot(*inside[:, :2].T).max() + 0.2
 
 
-def test_reach_is_the_height_of_the_widest_part():
+def test_reach_is_the_widest_part_and_the_vertical_gap_straight_up(rng):
+    # Reach is the height of the widest part
     assert Sphere(2.0).reach == 2.0
     assert Cylinder(3.0, 8.0, 0.5).reach == pytest.approx(
         7.5, abs=0.3
@@ -278,8 +279,7 @@ def test_reach_is_the_height_of_the_widest_part():
     two = INDENTERS["two balls"]  # the second ball's lowest point lies 0.2 mm higher
     assert two.reach == pytest.approx(2.0)
 
-
-def test_vertical_gap_measures_straight_up_to_the_ball(rng):
+    # Vertical gap measures straight up to the ball
     indenter = Sphere(5.0)
     ray = rng.normal(size=(50, 3)) - [0, 0, 1.5]
     ray /= np.linalg.norm(ray, axis=1)[:, None]

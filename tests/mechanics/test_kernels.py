@@ -174,7 +174,8 @@ def test_factors_without_a_meaning_are_refused(factor, message):
         Body(HEXAHEDRON, {"gel": specimens.GEL}, 1000.0, stiffness=factor)
 
 
-def test_beyond_a_limiting_extension_numbers_stay_finite_and_are_not_admissible():
+def test_limits_of_extension_and_of_poissons_ratio_are_kept():
+    # Beyond a limiting extension numbers stay finite and are not admissible
     law = Gent(0.1, 0.5)
     for amount, inside in ((1.3, True), (1.6, False), (5.0, False)):
         stretch = np.diag([amount, amount**-0.5, amount**-0.5])
@@ -185,6 +186,12 @@ def test_beyond_a_limiting_extension_numbers_stay_finite_and_are_not_admissible(
         assert response.admissible == inside
         for values in (response.f_mixed, response.f_condensed, response.energy, tangent):
             assert np.isfinite(values).all()
+
+    # Bulk to shear is that of poissons ratio
+    assert bulk_to_shear_of(0.0) == pytest.approx(2 / 3)  # K = E/3, mu = E/2
+    assert bulk_to_shear_of(0.4995) == pytest.approx(1000, rel=1e-3)
+    with pytest.raises(ValueError, match=r"Poisson's ratio is 0.5"):
+        bulk_to_shear_of(0.5)
 
 
 @elements
@@ -253,13 +260,6 @@ def test_an_element_does_not_depend_on_those_beside_it():
     assert_allclose(again, tangent, rtol=0, atol=1e-14 * np.abs(tangent).max())
     body.response(u, p, again)
     assert np.array_equal(again, tangent)
-
-
-def test_bulk_to_shear_is_that_of_poissons_ratio():
-    assert bulk_to_shear_of(0.0) == pytest.approx(2 / 3)  # K = E/3, mu = E/2
-    assert bulk_to_shear_of(0.4995) == pytest.approx(1000, rel=1e-3)
-    with pytest.raises(ValueError, match=r"Poisson's ratio is 0.5"):
-        bulk_to_shear_of(0.5)
 
 
 def compiled_functions():

@@ -22,8 +22,9 @@ def flat_press():
     return Press(Body(mesh, LAWS, 1000.0), PUNCH, Settings())
 
 
-def test_a_flat_punch_touches_beyond_rounding_and_leaves_the_gel():
-    """Else nodes under it go in and out of contact for gaps of 1e-16 mm, and a press that is taken back never ends."""
+def test_a_flat_punch_touches_one_layer_beyond_rounding_and_leaves_it():
+    # A flat punch touches beyond rounding and leaves the gel. Else nodes under it go in and out of contact for gaps
+    # of 1e-16 mm, and a press that is taken back never ends
     (standing,) = specimens.follow(flat_press(), (6.0, 6.0), [1e-15])
     assert (standing.gap < 0).any()
     assert (standing.contact_state == OPEN).all() and not standing.force.any()
@@ -35,6 +36,14 @@ def test_a_flat_punch_touches_beyond_rounding_and_leaves_the_gel():
     pressed, deepest, _, gone = specimens.follow(press, (6.0, 6.0), [0.3, 0.6, 0.3, 0.0])
     assert deepest.force[2] < pressed.force[2] < 0
     assert np.abs(gone.force).max() < press.contact.least_force
+
+    # One layer has no wall around lower layers. A wall of no elements has no stretches to be told: every region of
+    # a mesh has elements
+    mesh = layered_block(BLOCK, 6.0, 6.0, Sizes(near=1.0, far=2.0))
+    assert mesh.regions == ("gel",)
+    two = layered_block(specimens.BLOCK, 8.0, 8.0, specimens.SIZES)
+    assert two.regions == ("gel", "skin", "wall")
+    assert (np.bincount(two.region, minlength=3) > 0).all()
 
 
 def test_a_step_that_cannot_be_halved_any_more_has_patience():
@@ -51,12 +60,3 @@ def test_a_step_that_cannot_be_halved_any_more_has_patience():
         reached(1, 0)
     with pytest.raises(NotConverged, match=f"after {PATIENCE} iterations.*halved 1 times"):
         reached(1, 1)  # the whole step had one iteration, its half the patience
-
-
-def test_one_layer_has_no_wall_around_lower_layers():
-    """A wall of no elements has no stretches to be told: every region of a mesh has elements."""
-    mesh = layered_block(BLOCK, 6.0, 6.0, Sizes(near=1.0, far=2.0))
-    assert mesh.regions == ("gel",)
-    two = layered_block(specimens.BLOCK, 8.0, 8.0, specimens.SIZES)
-    assert two.regions == ("gel", "skin", "wall")
-    assert (np.bincount(two.region, minlength=3) > 0).all()

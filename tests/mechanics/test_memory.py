@@ -83,8 +83,9 @@ def test_tangent_is_that_of_the_forces(mesh, softening):
     )  # of central differences
 
 
-def test_stress_at_constant_strain_relaxes_exactly():
-    """A jump at t = 0 and any steps after it: the law's force times 1 + sum gamma exp(-t / tau)."""
+def test_stress_relaxes_exactly_and_a_ramp_at_second_order():
+    # Stress at constant strain relaxes exactly. A jump at t = 0 and any steps after it: the law's force times 1 +
+    # sum gamma exp(-t / tau)
     made, u = body(relaxation=BRANCHES), stretched(CUBE, SHEAR)
     plain = body(relaxation=Relaxation((0.0,), (1.0,)))
     known, _ = force(plain, u, plain.initial, 0.0)
@@ -94,9 +95,8 @@ def test_stress_at_constant_strain_relaxes_exactly():
         gain = 1 + sum(g * np.exp(-t / tau) for g, tau in zip(BRANCHES.moduli, BRANCHES.times))
         assert_allclose(f, gain * known, rtol=1e-12, atol=1e-15)
 
-
-def test_a_ramp_converges_at_second_order():
-    """Small shear at a constant rate r: tau = mu r (t + sum gamma tau_k (1 - exp(-t / tau_k)))."""
+    # A ramp converges at second order. Small shear at a constant rate r: tau = mu r (t + sum gamma tau_k (1 -
+    # exp(-t / tau_k)))
     end, size = 2.0, 1e-4
     known = sum(g * t * (1 - np.exp(-end / t)) for g, t in zip(BRANCHES.moduli, BRANCHES.times)) / end + 1
     top = np.isclose(CUBE.X[:, 2], CUBE.X[:, 2].max())
@@ -146,7 +146,8 @@ def test_softening_is_ogden_and_roxburgh_s(lam):
     assert_allclose(after.peak, W(max(lam, 1.8)), rtol=1e-12)
 
 
-def test_the_softened_energy_is_that_of_the_forces():
+def test_the_softened_energy_is_that_of_the_forces_and_time_runs_forwards():
+    # The softened energy is that of the forces
     made = body(softening=Softening(0.4, 1e-3, 0.1))
     made.begin(made.remember(stretched(CUBE, np.diag([1.8, 1.8**-0.5, 1.8**-0.5]))), 0.0)
     u, du = stretched(CUBE, SHEAR), np.random.default_rng(1).normal(size=CUBE.X.shape)
@@ -154,8 +155,16 @@ def test_the_softened_energy_is_that_of_the_forces():
     response = made.response(u, np.zeros(1))
     assert (values[0] - values[1]) / 2e-5 == pytest.approx(float((response.f_condensed * du).sum()), rel=1e-7)
 
+    # Time does not run backwards
+    made = body(relaxation=BRANCHES)
+    made.begin(made.initial, 2.0)
+    later = made.remember(np.zeros_like(CUBE.X))
+    with pytest.raises(ValueError, match="from 2 to 1 s"):
+        made.begin(later, 1.0)
 
-def test_nothing_remembered_is_the_plain_body():
+
+def test_nothing_remembered_is_the_plain_body_and_prestretch_a_stretch():
+    # Nothing remembered is the plain body
     from gelforge.mechanics.bodies.body import Body
 
     mesh = MESHES["hexahedron"]
@@ -165,9 +174,8 @@ def test_nothing_remembered_is_the_plain_body():
     plain = Body(mesh, {"gel": specimens.GEL}, 1000.0).response(u, p)
     assert_allclose(made.response(u, p).f_mixed, plain.f_mixed, rtol=1e-12, atol=1e-16)
 
-
-def test_prestretch_is_a_stretch_from_the_state_without_stress():
-    """An element held at its shape with prestretch F has the forces of one that was stretched by F, over its own area."""
+    # Prestretch is a stretch from the state without stress. An element held at its shape with prestretch F has the
+    # forces of one that was stretched by F, over its own area
     from gelforge.mechanics.bodies.body import Body
 
     F = np.diag([1.2, 0.9, 1 / (1.2 * 0.9)])
@@ -179,11 +187,3 @@ def test_prestretch_is_a_stretch_from_the_state_without_stress():
     for axis in range(3):
         face = np.isclose(CUBE.X[:, axis], CUBE.X[:, axis].max())
         assert response.f_condensed[face, axis].sum() == pytest.approx(sigma[axis, axis], rel=1e-12)  # 1 mm2
-
-
-def test_time_does_not_run_backwards():
-    made = body(relaxation=BRANCHES)
-    made.begin(made.initial, 2.0)
-    later = made.remember(np.zeros_like(CUBE.X))
-    with pytest.raises(ValueError, match="from 2 to 1 s"):
-        made.begin(later, 1.0)

@@ -42,7 +42,8 @@ def expected_volumes(block):
     return volumes
 
 
-def test_regions_have_their_exact_volumes_and_every_node_is_used_once(case):
+def test_regions_have_exact_volumes_and_neighbours_one_halving(case):
+    # Regions have their exact volumes and every node is used once
     block, _, mesh = case
     _, weight = element_gradient(mesh.X, mesh.elements)
     found = {name: weight[mesh.region == r].sum() for r, name in enumerate(mesh.regions)}
@@ -52,6 +53,21 @@ def test_regions_have_their_exact_volumes_and_every_node_is_used_once(case):
     _, _, mesh = case
     assert np.array_equal(np.unique(mesh.elements), np.arange(len(mesh.X)))
     assert len(np.unique(np.round(mesh.X, 9), axis=0)) == len(mesh.X)
+
+    # Neighbours differ by one halving and cross no interface
+    size = np.ptp(mesh.X[mesh.elements], axis=1).max(axis=1)
+    largest, smallest = np.zeros(len(mesh.X)), np.full(len(mesh.X), np.inf)
+    np.maximum.at(largest, mesh.elements, size[:, None])
+    np.minimum.at(smallest, mesh.elements, size[:, None])
+    # base cells differ by some tenths, because lines meet walls and interfaces: 3.5 and 2.25 mm next to the corner
+    assert (largest / smallest).max() < 2 * 1.6
+
+    # No element crosses an interface
+    block, _, mesh = case
+    interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height
+    z = mesh.X[mesh.elements, 2]
+    for height in interfaces:
+        assert not ((z.min(axis=1) < height - 1e-9) & (z.max(axis=1) > height + 1e-9)).any()
 
 
 def test_even_mesh_is_conforming(case):
@@ -92,23 +108,6 @@ def test_tied_fields_are_continuous(case):
     assert tested > 100
 
 
-def test_neighbours_differ_by_one_halving_and_cross_no_interface(case):
-    _, _, mesh = case
-    size = np.ptp(mesh.X[mesh.elements], axis=1).max(axis=1)
-    largest, smallest = np.zeros(len(mesh.X)), np.full(len(mesh.X), np.inf)
-    np.maximum.at(largest, mesh.elements, size[:, None])
-    np.minimum.at(smallest, mesh.elements, size[:, None])
-    # base cells differ by some tenths, because lines meet walls and interfaces: 3.5 and 2.25 mm next to the corner
-    assert (largest / smallest).max() < 2 * 1.6
-
-    # No element crosses an interface
-    block, _, mesh = case
-    interfaces = np.cumsum([thickness for _, thickness in block.layers])[:-1] - block.height
-    z = mesh.X[mesh.elements, 2]
-    for height in interfaces:
-        assert not ((z.min(axis=1) < height - 1e-9) & (z.max(axis=1) > height + 1e-9)).any()
-
-
 @pytest.mark.parametrize(("parts", "through"), [(1.0, {1.5}), (2.0, {0.75}), (4.0, {0.375})])
 def test_a_wall_near_the_contact_has_elements_through_its_thickness(parts, through):
     """One that is far from it has not."""
@@ -128,7 +127,8 @@ def test_a_body_has_a_row_more_where_even_rounding_leaves_tall_cells(layers, row
     assert len(np.unique(np.round(mesh.X[:, 2], 9))) - 1 == rows
 
 
-def test_sizes_through_a_height_are_those_that_fit_one_below_another():
+def test_sizes_fit_one_below_another_without_slivers():
+    # Sizes through a height are those that fit one below another
     assert Sizes(near=0.5, far=0.5).through(3.0) == pytest.approx(6.0)
     sizes = Sizes(near=0.3, growth=0.25, far=1.2)
     depths = np.linspace(0.0, 6.0, 60001)
@@ -136,8 +136,27 @@ def test_sizes_through_a_height_are_those_that_fit_one_below_another():
     assert sizes.through(6.0) == pytest.approx(np.trapezoid(every, depths), rel=1e-6)
     assert sizes.through(2.0) == pytest.approx(np.trapezoid(every[:20001], depths[:20001]), rel=1e-6)
 
+    # A line runs through the contact without slivers
+    mesh = layered_block(PLAIN, 13.37, 18.2, SIZES)
+    assert np.isclose(mesh.X[mesh.surface.nodes], [13.37, 18.2, 0.0]).all(axis=1).sum() == 1
 
-def test_surface_is_top_and_sides_and_integrates_linear_fields(case):
+    # Finer settings give finer meshes
+    coarse, fine = (
+        layered_block(PLAIN, 16.0, 16.0, Sizes(near=h, far=2 * h)).elements for h in (0.75, 0.375)
+    )
+    assert 5 < len(fine) / len(coarse) < 9  # 8 where all sizes were halved alike: near_radius and walls stay
+
+    # 3.9 + 3.8 and 7.7 differ by rounding: two breaks at one height must not make elements 1e-15 mm
+    # thick.
+    block = Block(
+        10.0, 10.0, (("base", 3.9), ("gel", 3.8), ("skin", 1.5)), 1.0, flange_width=2.0, flange_height=7.7
+    )
+    mesh = layered_block(block, 5.0, 5.0, Sizes(near=1.0, near_radius=2.0, far=2.0))
+    assert np.diff(np.unique(mesh.X[:, 2])).min() > 0.1
+
+
+def test_the_surface_integrates_linear_fields_and_the_base_is_fixed(case):
+    # Surface is top and sides and integrates linear fields
     block, _, mesh = case
     X, top = mesh.X[mesh.surface.nodes], mesh.surface.top
     assert (X[top, 2] == 0).all() and (X[~top, 2] < 0).all()
@@ -157,8 +176,7 @@ def test_surface_is_top_and_sides_and_integrates_linear_fields(case):
     assert mesh.surface.area @ x == pytest.approx((top + sides) * wx / 2, rel=1e-13)
     assert mesh.surface.area @ z == pytest.approx(sides * low / 2, rel=1e-13)
 
-
-def test_fixed_is_the_base(case):
+    # Fixed is the base
     block, _, mesh = case
     assert np.array_equal(mesh.fixed, np.isclose(mesh.X[:, 2], -block.height, rtol=0, atol=1e-9))
     spread = np.ptp(mesh.X[mesh.fixed, :2], axis=0)
@@ -167,12 +185,20 @@ def test_fixed_is_the_base(case):
     )
 
 
-def test_nothing_stands_above_the_flange():
+def test_contacts_are_meshed_as_their_mirror_images_and_below_the_flange():
+    # Nothing stands above the flange
     mesh = layered_block(FLANGE, 16.0, 15.0, SIZES)
     outside = (mesh.X[:, :2] < -1e-9).any(axis=1) | (mesh.X[:, :2] > np.array([32.0, 30.0]) + 1e-9).any(
         axis=1
     )
     assert mesh.X[outside, 2].max() == pytest.approx(1.5 - 6.0, abs=1e-12)
+
+    # Meshes of mirrored contacts are mirrored
+    one, other = (layered_block(PLAIN, x, 13.0, SIZES) for x in (24.3, 32 - 24.3))
+    mirrored = other.X * [-1, 1, 1] + [32, 0, 0]
+    order, reverse = (np.lexsort(np.round(X, 9).T) for X in (one.X, mirrored))
+    assert_allclose(one.X[order], mirrored[reverse], atol=1e-12)
+    assert np.array_equal(one.hanging[order], other.hanging[reverse])
 
 
 @pytest.mark.parametrize("x", [16.0, 27.0, 5.55, 30.0])
@@ -188,30 +214,3 @@ def test_fine_under_the_contact_and_never_coarser_than_asked(x):
     assert (size <= np.maximum(1.4 * (sizes.near + sizes.growth * distance), 0) + 1e-9)[size < 1.9].all()
     assert size.max() <= 1.5 * 2.0
     assert size[distance == 0].max() <= 1.4 * 0.5
-
-
-def test_a_line_runs_through_the_contact_without_slivers():
-    mesh = layered_block(PLAIN, 13.37, 18.2, SIZES)
-    assert np.isclose(mesh.X[mesh.surface.nodes], [13.37, 18.2, 0.0]).all(axis=1).sum() == 1
-
-    # Finer settings give finer meshes
-    coarse, fine = (
-        layered_block(PLAIN, 16.0, 16.0, Sizes(near=h, far=2 * h)).elements for h in (0.75, 0.375)
-    )
-    assert 5 < len(fine) / len(coarse) < 9  # 8 where all sizes were halved alike: near_radius and walls stay
-
-    # 3.9 + 3.8 and 7.7 differ by rounding: two breaks at one height must not make elements 1e-15 mm
-    # thick.
-    block = Block(
-        10.0, 10.0, (("base", 3.9), ("gel", 3.8), ("skin", 1.5)), 1.0, flange_width=2.0, flange_height=7.7
-    )
-    mesh = layered_block(block, 5.0, 5.0, Sizes(near=1.0, near_radius=2.0, far=2.0))
-    assert np.diff(np.unique(mesh.X[:, 2])).min() > 0.1
-
-
-def test_meshes_of_mirrored_contacts_are_mirrored():
-    one, other = (layered_block(PLAIN, x, 13.0, SIZES) for x in (24.3, 32 - 24.3))
-    mirrored = other.X * [-1, 1, 1] + [32, 0, 0]
-    order, reverse = (np.lexsort(np.round(X, 9).T) for X in (one.X, mirrored))
-    assert_allclose(one.X[order], mirrored[reverse], atol=1e-12)
-    assert np.array_equal(one.hanging[order], other.hanging[reverse])

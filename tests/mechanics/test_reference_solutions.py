@@ -29,26 +29,6 @@ def test_bonded_layer_reproduces_the_table(nu):
     assert_allclose(found, TABLE[nu], atol=0.51e-4)  # the digits given
 
 
-def test_thick_and_thin_layers_are_half_space_and_winkler_bed():
-    """The base adds in proportion to a/h."""
-    modulus = known.contact_modulus(0.3, 0.4)
-    excess = []
-    for thickness in (200.0, 400.0):
-        press = known.bonded_layer_at_radius(1.0, 50.0, thickness, 0.3, 0.4)
-        excess.append(press.force / known.hertz(press.depth, 50.0, modulus).force - 1)
-    assert 0 < excess[0] < 0.01
-    assert excess[0] / excess[1] == pytest.approx(2, rel=0.02)
-
-    # Pressure = confined modulus x strain: F = pi M R d^2 / h, a = sqrt(2 R d) (Johnson 1985, sec.
-    # 5.8).
-    radius, thickness, mu, nu = 100.0, 1.0, 0.3, 0.2
-    press = known.bonded_layer_at_radius(16.0, radius, thickness, mu, nu)
-    confined = 2 * mu * (1 - nu) / (1 - 2 * nu)
-    # The edge adds a zone about as wide as the layer is thick, a sixteenth of the contact.
-    assert press.contact_radius == pytest.approx(np.sqrt(2 * radius * press.depth), rel=0.05)
-    assert press.force == pytest.approx(np.pi * confined * radius * press.depth**2 / thickness, rel=0.1)
-
-
 @pytest.mark.parametrize("nu", [0.3, 0.4995])
 def test_layer_compliance_is_that_of_a_half_space_far_up_and_of_a_column_far_down(nu):
     assert known.layer_compliance(np.array([20.0, 500.0]), nu) == pytest.approx([1.0, 1.0], abs=1e-14)
@@ -56,7 +36,8 @@ def test_layer_compliance_is_that_of_a_half_space_far_up_and_of_a_column_far_dow
     assert known.layer_compliance(u, nu) == pytest.approx(u * (1 - 2 * nu) / (2 * (1 - nu) ** 2), rel=1e-6)
 
 
-def test_hertz_and_moduli_agree_with_their_definitions():
+def test_hertz_moduli_thick_and_thin_layers_agree_with_their_definitions():
+    # Hertz and moduli agree with their definitions
     press = known.hertz(0.02, 5.0, 0.1)
     a = press.contact_radius
     pressure = 2 * 0.1 / (np.pi * 5.0)  # 2 E* / (pi R) sqrt(a^2 - r^2), Johnson 1985, eq. 4.24
@@ -74,6 +55,24 @@ def test_hertz_and_moduli_agree_with_their_definitions():
     assert known.ogden_uniaxial(1.7, mu, alpha) == pytest.approx(
         closed_forms.ogden("uniaxial", 1.7, mu, alpha), rel=1e-14
     )
+
+    # Thick and thin layers are half space and winkler bed. The base adds in proportion to a/h
+    modulus = known.contact_modulus(0.3, 0.4)
+    excess = []
+    for thickness in (200.0, 400.0):
+        press = known.bonded_layer_at_radius(1.0, 50.0, thickness, 0.3, 0.4)
+        excess.append(press.force / known.hertz(press.depth, 50.0, modulus).force - 1)
+    assert 0 < excess[0] < 0.01
+    assert excess[0] / excess[1] == pytest.approx(2, rel=0.02)
+
+    # Pressure = confined modulus x strain: F = pi M R d^2 / h, a = sqrt(2 R d) (Johnson 1985, sec.
+    # 5.8).
+    radius, thickness, mu, nu = 100.0, 1.0, 0.3, 0.2
+    press = known.bonded_layer_at_radius(16.0, radius, thickness, mu, nu)
+    confined = 2 * mu * (1 - nu) / (1 - 2 * nu)
+    # The edge adds a zone about as wide as the layer is thick, a sixteenth of the contact.
+    assert press.contact_radius == pytest.approx(np.sqrt(2 * radius * press.depth), rel=0.05)
+    assert press.force == pytest.approx(np.pi * confined * radius * press.depth**2 / thickness, rel=0.1)
 
 
 def test_friction_lies_between_its_closed_forms_as_spence_found():

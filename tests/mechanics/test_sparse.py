@@ -88,8 +88,8 @@ def test_every_step_wins_digits(system):
     assert left[2] < 1e-2 * left[1]
 
 
-def test_scaled_right_hand_sides_and_values_are_solved(system, solver):
-    """Forces of 1e-30 N must not fall out of single precision's range."""
+def test_scaled_systems_and_two_solvers_of_one_pattern_are_solved(system, solver):
+    # Scaled right hand sides and values are solved. Forces of 1e-30 N must not fall out of single precision's range
     pattern, values, rhs, _ = system
     solver.factor(values)
     assert_allclose(
@@ -104,9 +104,7 @@ def test_scaled_right_hand_sides_and_values_are_solved(system, solver):
     x, _ = refined_solve(solver, pattern, 4 * values, rhs, 1e-12, 50)
     assert error(4 * x, exact) < 1e-11
 
-
-def test_two_solvers_of_one_pattern_do_not_disturb_each_other(system, solver):
-    pattern, values, rhs, exact = system
+    # Two solvers of one pattern do not disturb each other
     solver.factor(values)
     other = direct_solver(pattern, solver.name)
     other.factor(3 * values)

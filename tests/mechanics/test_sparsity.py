@@ -21,7 +21,8 @@ def entries(pattern):
             pattern.indices[pattern.indptr[row] : pattern.indptr[row + 1]]]  # fmt: skip
 
 
-def test_pattern_and_equations_equal_the_brute_force_ones(pattern):
+def test_pattern_equations_and_product_equal_the_dense_ones(pattern):
+    # Pattern and equations equal the brute force ones
     assert (pattern.equation[MESH.fixed] == -1).all()
     assert np.array_equal(pattern.equation[~MESH.fixed].ravel(), np.arange(3 * (~MESH.fixed).sum()))
 
@@ -31,6 +32,19 @@ def test_pattern_and_equations_equal_the_brute_force_ones(pattern):
         dofs = [k for k in pattern.equation[nodes].ravel() if k >= 0]
         expected |= {(i, j) for i in dofs for j in dofs if i <= j}
     assert entries(pattern) == sorted(expected)  # in row order, columns sorted, so the diagonal comes first
+
+    # Symmetric product equals the dense one
+    rng = np.random.default_rng(0)
+    values, x, y = (
+        rng.normal(size=len(pattern.indices)),
+        rng.normal(size=pattern.size),
+        np.empty(pattern.size),
+    )
+    dense = np.zeros((pattern.size, pattern.size))
+    for (i, j), value in zip(entries(pattern), values):
+        dense[i, j] = dense[j, i] = value
+    symmetric_product(pattern.indptr, pattern.indices, values, x, y)
+    assert_allclose(y, dense @ x, rtol=1e-12, atol=1e-12)  # sums of some 80 terms of order one
 
 
 def test_slots_name_where_blocks_begin(pattern):
@@ -57,20 +71,6 @@ def test_slots_name_where_blocks_begin(pattern):
                 pair = sorted((pattern.equation[node, i], pattern.equation[node, j]))
                 assert (block[i, j] == -1) if pair[0] < 0 else (where[block[i, j]] == tuple(pair))
     assert (slots[MESH.fixed[nodes]] == -1).all()
-
-
-def test_symmetric_product_equals_the_dense_one(pattern):
-    rng = np.random.default_rng(0)
-    values, x, y = (
-        rng.normal(size=len(pattern.indices)),
-        rng.normal(size=pattern.size),
-        np.empty(pattern.size),
-    )
-    dense = np.zeros((pattern.size, pattern.size))
-    for (i, j), value in zip(entries(pattern), values):
-        dense[i, j] = dense[j, i] = value
-    symmetric_product(pattern.indptr, pattern.indices, values, x, y)
-    assert_allclose(y, dense @ x, rtol=1e-12, atol=1e-12)  # sums of some 80 terms of order one
 
 
 def assembled(pattern, elements, matrices):

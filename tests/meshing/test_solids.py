@@ -8,7 +8,8 @@ from gelforge.mechanics.meshes.mesh import Block
 from gelforge.meshing.solids import area, block_solids, dome_solids, enclosed_volume
 
 
-def test_a_dome_is_the_half_ellipsoid_by_volume_faces_and_area():
+def test_domes_and_blocks_have_the_volumes_of_their_closed_forms():
+    # A dome is the half ellipsoid by volume faces and area
     surface = dome_solids(24.0, 20.0, (("gel", 9.0),)).surfaces[0]
     # Faces between points 0.4 mm apart on radii of 9 to 12 mm cut off 1e-3 of the volume at most.
     assert enclosed_volume(surface) == pytest.approx(2 / 3 * np.pi * 12 * 10 * 9, rel=1e-3)
@@ -25,6 +26,14 @@ def test_a_dome_is_the_half_ellipsoid_by_volume_faces_and_area():
     # A hemispheres area
     assert area(surface) == pytest.approx(3 * np.pi * 100, rel=1e-3)
 
+    # A block holds its layers inside the wall
+    solids = block_solids(Block(10.0, 8.0, (("gel", 2.5), ("skin", 1.0)), wall=1.0))
+    assert solids.names == ("gel", "skin")
+    assert [enclosed_volume(surface) for surface in solids.surfaces] == pytest.approx(
+        [8 * 6 * 2.5, 10 * 8 * 3.5]
+    )
+    assert solids.base == -3.5
+
 
 def test_a_skin_has_the_same_thickness_everywhere_or_is_refused():
     gel, whole = dome_solids(24.0, 20.0, (("gel", 8.0), ("skin", 1.5))).surfaces
@@ -39,12 +48,3 @@ def test_a_skin_has_the_same_thickness_everywhere_or_is_refused():
         SurfaceError, match=r"9 mm thick, the dome's smallest radius of curvature is 8\.33 mm"
     ):
         dome_solids(24.0, 24.0, (("gel", 1.0), ("skin", 9.0)))
-
-
-def test_a_block_holds_its_layers_inside_the_wall():
-    solids = block_solids(Block(10.0, 8.0, (("gel", 2.5), ("skin", 1.0)), wall=1.0))
-    assert solids.names == ("gel", "skin")
-    assert [enclosed_volume(surface) for surface in solids.surfaces] == pytest.approx(
-        [8 * 6 * 2.5, 10 * 8 * 3.5]
-    )
-    assert solids.base == -3.5

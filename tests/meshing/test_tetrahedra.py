@@ -63,7 +63,8 @@ def test_edges_are_curved_and_as_long_as_asked_under_the_contact(meshed):
     assert away > 1.5 * near
 
 
-def test_a_wall_beside_the_contact_has_more_elements_and_one_that_is_far_as_many():
+def test_walls_near_the_contact_are_finer_and_crossing_surfaces_refused():
+    # A wall beside the contact has more elements and one that is far as many
     solids = block_solids(Block(24.0, 8.0, (("gel", 2.5), ("skin", 1.0)), wall=1.5))
 
     def in_walls(parts):
@@ -74,6 +75,15 @@ def test_a_wall_beside_the_contact_has_more_elements_and_one_that_is_far_as_many
 
     (two, two_far), (one, one_far) = in_walls(2.0), in_walls(1.0)
     assert two > 1.5 * one and two_far == one_far
+
+    # A surface that crosses itself is refused. Two overlapping blocks as one surface: the mesh has no surface where
+    # one lies inside the other
+    vertices, triangles = SHAPES["block"][0].drafts[-1]
+    twice = np.concatenate([vertices, vertices * [0.5, 0.5, 0.5] + [3.0, 2.0, -0.5]])
+    both = closed_surface(twice, np.concatenate([triangles, triangles + len(vertices)]))
+    solids = Solids(("gel",), (both,), ((both.vertices, both.triangles),), -3.5)
+    with pytest.raises(MeshingError, match=r"lie up to 1\.\d mm off those.*crosses itself"):
+        tetrahedral_mesh(solids, Sizes(near=1.0, far=2.0), np.array([[5.0, 4.0, 0.0, 0.0]]))
 
 
 def test_base_and_touched_surface(meshed):
@@ -122,16 +132,6 @@ def test_a_coarser_mesh_of_a_dome_has_a_third_of_the_elements():
     fine, coarse = elements(sizes), elements(sizes.coarser(2.0))
     narrow = elements(sizes.coarser(2.0).model_copy(update={"envelope_mm": sizes.envelope_mm}))
     assert coarse < 0.35 * fine < 0.5 * fine < narrow
-
-
-def test_a_surface_that_crosses_itself_is_refused():
-    """Two overlapping blocks as one surface: the mesh has no surface where one lies inside the other."""
-    vertices, triangles = SHAPES["block"][0].drafts[-1]
-    twice = np.concatenate([vertices, vertices * [0.5, 0.5, 0.5] + [3.0, 2.0, -0.5]])
-    both = closed_surface(twice, np.concatenate([triangles, triangles + len(vertices)]))
-    solids = Solids(("gel",), (both,), ((both.vertices, both.triangles),), -3.5)
-    with pytest.raises(MeshingError, match=r"lie up to 1\.\d mm off those.*crosses itself"):
-        tetrahedral_mesh(solids, Sizes(near=1.0, far=2.0), np.array([[5.0, 4.0, 0.0, 0.0]]))
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".msh"])

@@ -27,30 +27,21 @@ def test_the_sizing_field_and_the_mesh_fill_the_box():
     assert volume.sum() == pytest.approx(np.prod(np.ptp(X, axis=0)))
 
 
-def test_a_library_without_the_call_is_refused(tmp_path):
-    """Where std::random_device cannot be held the mesh would not repeat."""
+def test_a_mesher_that_is_refused_fails_or_has_no_memory_says_so(tmp_path, monkeypatch):
+    # A library without the call is refused. Where std::random_device cannot be held the mesh would not repeat
     library = tmp_path / "library.so"
     library.write_bytes(b"MZ" + bytes(100))
     with pytest.raises(TetwildError, match="meshes repeat on Linux only"):
         tetwild._fix_random_device(str(library))
 
-
-@pytest.fixture
-def fresh():
-    """Meshes are made in the test, not taken from the memory of one before."""
+    # What the mesher says is passed on
     tetwild._meshed.cache_clear()
-
-
-@pytest.mark.usefixtures("fresh")
-def test_what_the_mesher_says_is_passed_on(monkeypatch):
     monkeypatch.setattr(tetwild.sys, "executable", "/bin/false")
     vertices, triangles = SHAPES["block"][0].drafts[-1]
     with pytest.raises(TetwildError, match=r"exit 1.*it said nothing"):
         tetrahedralize(vertices, triangles, lambda p: np.full(len(p), 3.0), 3.0, 0.05)
 
-
-@pytest.mark.usefixtures("fresh")
-def test_a_mesher_without_memory_is_an_error_of_ours_on_one_line(monkeypatch, tmp_path):
+    # A mesher without memory is an error of ours on one line
     mesher = tmp_path / "mesher"
     mesher.write_text("#!/bin/sh\nprintf 'terminate called\\n  what():  std::bad_alloc\\n' >&2\nexit 134\n")
     mesher.chmod(0o755)

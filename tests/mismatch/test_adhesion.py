@@ -26,8 +26,9 @@ def branch():
     return HELD - retreat, force - stiffness * retreat
 
 
-def test_the_contact_is_that_of_the_formula_up_to_its_pull_off():
-    """a^3 = R / K (F + 3 pi w R + sqrt(6 pi w R F + (3 pi w R)^2)), a^2 = R d of the held depth, where it is stable."""
+def test_the_contact_is_that_of_the_formula_up_to_its_pull_off_with_a_deficit_of_its_own():
+    # The contact is that of the formula up to its pull off. a^3 = R / K (F + 3 pi w R + sqrt(6 pi w R F + (3 pi w
+    # R)^2)), a^2 = R d of the held depth, where it is stable
     _, F = branch()
     stable = HELD > HELD[np.argmin(F)]
     F, p = F[stable], 3 * np.pi * W * R
@@ -39,9 +40,8 @@ def test_the_contact_is_that_of_the_formula_up_to_its_pull_off():
     assert F.min() == pytest.approx(-1.5 * np.pi * W * R, rel=1e-6)
     assert F[np.argmin(depth)] == pytest.approx(-5 / 6 * np.pi * W * R, rel=1e-3)  # at a minimum of the depth
 
-
-def test_deficit_at_no_depth_at_a_large_one_and_after_the_turn():
-    """4/3 pi w R at depth 0, pi w R where the contact is large next to that at which it parts."""
+    # Deficit at no depth at a large one and after the turn. 4/3 pi w R at depth 0, pi w R where the contact is
+    # large next to that at which it parts
     depths = np.array([1e-6, 1.9])
     found = HALF_SPACE.pull(W, depths, np.full(2, 100.0))
     assert found[0] == pytest.approx(4 / 3 * np.pi * W * R, rel=1e-3)
@@ -57,8 +57,9 @@ def test_deficit_at_no_depth_at_a_large_one_and_after_the_turn():
     assert HALF_SPACE.pull(W, np.ones(1), np.ones(1))[0] == 0.0
 
 
-def test_on_a_layer_the_pull_grows_with_the_contact():
-    """As the area does, to twice that of a half space where the contact is as large as the layer is thick."""
+def test_the_pull_grows_on_a_layer_a_push_keeps_its_power_and_readings_have_the_law_of_their_shape():
+    # On a layer the pull grows with the contact. As the area does, to twice that of a half space where the contact
+    # is as large as the layer is thick
     contact = Contact(R, 5.0, HERTZ)
     little = contact.pull(1e-9 * W, np.array([0.2, 1.0]), np.full(2, 9.0)) / (1e-9 * W * np.pi * R)
     assert_allclose(little, 1 + np.sqrt([0.2, 1.0]) / np.sqrt(5.0), rtol=1e-2)
@@ -70,9 +71,8 @@ def test_on_a_layer_the_pull_grows_with_the_contact():
     expected = np.pi * R * (1 + np.sqrt(R * middle) / 5.0)
     assert_allclose(np.diff(areas) / np.diff(depths), expected, rtol=0.08)
 
-
-def test_a_push_is_followed_by_its_power():
-    """Of a force that stiffens as a layer's: slope and curvature as differences have them, Hertz's power at no depth."""
+    # A push is followed by its power. Of a force that stiffens as a layer's: slope and curvature as differences
+    # have them, Hertz's power at no depth
     d, h = np.array([0.3, 1.0, 1.7]), 1e-4
     layered = Contact(R, 5.0, push_of(DEPTHS, DEPTHS**1.5 * np.exp(0.4 * np.sqrt(DEPTHS) + 0.1 * DEPTHS)))
     force, slope, curvature = layered.push(d)
@@ -83,9 +83,8 @@ def test_a_push_is_followed_by_its_power():
     one = Contact(R, 5.0, push_of(DEPTHS[:1], DEPTHS[:1] ** 1.5))
     assert one.push(d)[0] == pytest.approx(d**1.5)
 
-
-def test_readings_take_the_law_of_their_shape():
-    """Half space or layer: with readings down, up from the turn and out of contact."""
+    # Readings take the law of their shape. Half space or layer: with readings down, up from the turn and out of
+    # contact
     at, phases = [1.0, 1.0, 0.6, 0.2, -0.1], ["load", "unload", "unload", "unload", "unload"]
     context = one_press([1.0, 2.0, 3.0, 4.0, 5.0], at, phases)
     effect, knots = CATALOGUE["adhesion"], np.linspace(0.1, 2.0, 12)

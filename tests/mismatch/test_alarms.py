@@ -30,7 +30,8 @@ def test_noise_gives_known_effects_little_evidence():
     assert (factors > 2).mean() < 1 / 2 and (factors > 10).mean() < 1 / 10  # Markov, with room for 200 draws
 
 
-def test_the_bound_is_the_mean_of_the_bayes_factors():
+def test_the_bound_is_the_mean_of_the_bayes_factors_and_what_only_a_known_effect_can_see_is_an_alarm():
+    # The bound is the mean of the bayes factors
     base = artificial.context(7, per_side=3)
     problem = problem_of(artificial.with_effect(base, "tilt", [0.4, 0.0], np.random.default_rng(5)))
     exact = replace(problem, change_error=0.0)  # as the bound takes them
@@ -38,10 +39,8 @@ def test_the_bound_is_the_mean_of_the_bayes_factors():
     assert chance_of_known(problem) == pytest.approx(min(1.0, 1 / factors.mean()), rel=1e-9)
     assert chance_of_known(problem) < 0.9
 
-
-def test_what_only_a_known_effect_can_see_is_an_alarm():
-    """A grid that is turned by 2 degrees: neither its size nor any pattern of the scan nor a random function shows it."""
-    base = artificial.context(7, per_side=3)
+    # What only a known effect can see is an alarm. A grid that is turned by 2 degrees: neither its size nor any
+    # pattern of the scan nor a random function shows it
     _, found = judged(artificial.with_effect(base, "yaw", [2.0], np.random.default_rng(8)))
     seen = found.mismatch
     assert min(seen.test.p, seen.scan.p, seen.unknown_p) > ALARM_P > seen.known_p

@@ -27,7 +27,8 @@ def posterior(evidence):
     return Posterior({}, {}, evidence, {}, 40, {})
 
 
-def test_one_effect_that_stands_for_two_is_not_sure_where_pairs_do_as_well():
+def test_an_effect_that_stands_for_two_is_not_sure_and_counts_in_all_sets_that_hold_it():
+    # One effect that stands for two is not sure where pairs do as well
     names = [f"effect {k}" for k in range(9)]
     evidence = {frozenset([names[0]]): 60.0}
     assert posterior(evidence).holding([names[0]]) > 0.999
@@ -40,8 +41,7 @@ def test_one_effect_that_stands_for_two_is_not_sure_where_pairs_do_as_well():
     assert_allclose(both.holding(names[1:2]), odds / (1 + odds) * 7 / 28, rtol=1e-6)
     assert_allclose(both.holding(names[1:3]), odds / (1 + odds) * 13 / 28, rtol=1e-6)
 
-
-def test_a_part_of_the_evidence_counts_in_all_sets_that_hold_an_effect():
+    # A part of the evidence counts in all sets that hold an effect
     one, other, strange = frozenset(["tilt"]), frozenset(["yaw"]), frozenset([UNKNOWN])
     found = posterior({one: 12.0, other: 7.0, strange: 11.0}).probability
     assert_allclose(found[one] / found[other], np.exp(5.0 * TEMPERING))

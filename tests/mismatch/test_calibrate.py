@@ -65,7 +65,8 @@ def fitted(folder, kept, names, priors=None):
     return fit_of(solver, [read_recording(folder, None, small().sensor)], names, priors or {})[0]
 
 
-def test_exact_presses_return_a_modulus_that_was_three_times_wrong(found):
+def test_exact_presses_return_a_wrong_modulus_and_a_calibrated_file_serves_another_study(found, tmp_path):
+    # Exact presses return a modulus that was three times wrong
     _, content = found
     (one,) = content["parameters"]
     assert_allclose(one["value"], STIFFER * KPA, rtol=0.01)
@@ -75,6 +76,21 @@ def test_exact_presses_return_a_modulus_that_was_three_times_wrong(found):
     held = content["held_out"]
     assert held["block"] == "positions" and 1 <= held["sites"] < held["of_sites"] == len(SITES)
     assert held["after_N"]["z"] < 0.05 * held["before_N"]["z"]
+
+    # A calibrated file serves another study and has its page
+    source = found[0] / "soft.json"
+    study = small(materials={"soft": {"parameters": None, "file": str(source)}})
+    assert_allclose(1e3 * laws_of(study, [])["soft"].youngs_modulus, STIFFER * KPA, rtol=0.01)
+    assert "file" not in small().model_dump(mode="json")["materials"]["soft"]
+    with pytest.raises(ConfigError, match="exactly one of"):
+        small(materials={"soft": {"file": str(source)}})
+
+    # The page holds all chapters and is said to be synthetic
+    page = write_calibration_page(found[0]).read_text()
+    assert "SYNTHETIC DATA" in page and "http" not in page.replace("http://www.w3.org", "")
+    for key in ("short", "curves", "sites", "apart", "origin"):
+        assert f'<section id="{key}">' in page
+    assert json.loads((found[0] / "calibration.json").read_text())["provenance"]["seed"] == small().seed
 
 
 @pytest.mark.thorough
@@ -143,22 +159,6 @@ def test_the_material_file_is_taken_as_any_other_and_labels_carry_its_uncertaint
     assert written.synthetic and written.study == "mine"
 
 
-def test_a_calibrated_file_serves_another_study_and_has_its_page(found, tmp_path):
-    source = found[0] / "soft.json"
-    study = small(materials={"soft": {"parameters": None, "file": str(source)}})
-    assert_allclose(1e3 * laws_of(study, [])["soft"].youngs_modulus, STIFFER * KPA, rtol=0.01)
-    assert "file" not in small().model_dump(mode="json")["materials"]["soft"]
-    with pytest.raises(ConfigError, match="exactly one of"):
-        small(materials={"soft": {"file": str(source)}})
-
-    # The page holds all chapters and is said to be synthetic
-    page = write_calibration_page(found[0]).read_text()
-    assert "SYNTHETIC DATA" in page and "http" not in page.replace("http://www.w3.org", "")
-    for key in ("short", "curves", "sites", "apart", "origin"):
-        assert f'<section id="{key}">' in page
-    assert json.loads((found[0] / "calibration.json").read_text())["provenance"]["seed"] == small().seed
-
-
 @pytest.mark.parametrize(
     "name", ["gel.modulus", "skin.exponent", "gel.thickness", "friction", "contact_point"]
 )
@@ -171,7 +171,8 @@ def test_a_value_that_enters_a_study_is_the_one_it_has(name):
     assert_allclose(one.kind.value(back, specimens.STUDY_LAWS, one.layers), one.start)
 
 
-def test_parameters_are_those_of_layers_and_what_a_sensor_lacks_is_refused():
+def test_parameters_of_layers_priors_and_a_pair_that_presses_cannot_tell_apart_are_read_and_named():
+    # Parameters are those of layers and what a sensor lacks is refused
     study = small(
         sensor={"layers": [layer.model_dump() | {"material": "soft"} for layer in small().sensor.layers]}
     )
@@ -187,6 +188,26 @@ def test_parameters_are_those_of_layers_and_what_a_sensor_lacks_is_refused():
     with pytest.raises(ConfigError, match="not among --free"):
         free_of(small(), specimens.STUDY_LAWS, ["friction"], {"gel.modulus": Prior(1, 2, "")})
     assert "friction" not in names_of(small(mechanics={"friction": 0.0}))
+
+    # Priors are read
+    assert_allclose(youngs_modulus_kPa("a", 50.0), 2456, rtol=1e-3)  # Gent's relation
+    soft = prior_of("gel.modulus", "shore00:30")
+    assert soft.low < 100 < soft.high and soft.high / soft.low == pytest.approx(4)
+    mean, sd = prior_of("gel.thickness", "3:4").normal(True)
+    assert_allclose([mean - 1.6449 * sd, mean + 1.6449 * sd], np.log([3, 4]))
+    for name, text in (("friction", "shoreA:10"), ("friction", "0.3"), ("friction", "2:1")):
+        with pytest.raises(ConfigError, match="--prior friction"):
+            prior_of(name, text)
+    with pytest.raises(ConfigError, match="less than 100"):
+        prior_of("gel.modulus", "shoreA:100")
+    with pytest.raises(ConfigError, match="above 0"):
+        free_of(small(), specimens.STUDY_LAWS, ["friction"], {"friction": Prior(-1.0, 1.0, "")})
+
+    # A pair that presses cannot tell apart is named with its remedy
+    correlations = np.array([[1, 0.97, 0.1], [0.97, 1, -0.2], [0.1, -0.2, 1]])
+    (said,) = inseparable(["gel.modulus", "gel.thickness", "friction"], correlations)
+    assert "gel.modulus and gel.thickness" in said and "measure the thickness" in said
+    assert not list(inseparable(["gel.modulus", "friction"], np.array([[1, 0.94], [0.94, 1]])))
 
 
 @pytest.mark.parametrize("law", [Ogden((2e-3, -1e-3), (1.5, -3.0)), Yeoh(5e-3, 1e-4, 2e-5)])
@@ -204,28 +225,6 @@ def test_hardness_00_is_the_spring_s_balance_with_hertz_s_ball(hardness):
     E, R, depth = 1e-3 * youngs_modulus_kPa("00", hardness), 1.19, 2.5 * (1 - hardness / 100)
     hertz = 4 / 3 * E / (1 - 0.5**2) * np.sqrt(R) * depth**1.5
     assert_allclose(hertz, 0.203 + 0.00908 * hardness)
-
-
-def test_priors_are_read():
-    assert_allclose(youngs_modulus_kPa("a", 50.0), 2456, rtol=1e-3)  # Gent's relation
-    soft = prior_of("gel.modulus", "shore00:30")
-    assert soft.low < 100 < soft.high and soft.high / soft.low == pytest.approx(4)
-    mean, sd = prior_of("gel.thickness", "3:4").normal(True)
-    assert_allclose([mean - 1.6449 * sd, mean + 1.6449 * sd], np.log([3, 4]))
-    for name, text in (("friction", "shoreA:10"), ("friction", "0.3"), ("friction", "2:1")):
-        with pytest.raises(ConfigError, match="--prior friction"):
-            prior_of(name, text)
-    with pytest.raises(ConfigError, match="less than 100"):
-        prior_of("gel.modulus", "shoreA:100")
-    with pytest.raises(ConfigError, match="above 0"):
-        free_of(small(), specimens.STUDY_LAWS, ["friction"], {"friction": Prior(-1.0, 1.0, "")})
-
-
-def test_a_pair_that_presses_cannot_tell_apart_is_named_with_its_remedy():
-    correlations = np.array([[1, 0.97, 0.1], [0.97, 1, -0.2], [0.1, -0.2, 1]])
-    (said,) = inseparable(["gel.modulus", "gel.thickness", "friction"], correlations)
-    assert "gel.modulus and gel.thickness" in said and "measure the thickness" in said
-    assert not list(inseparable(["gel.modulus", "friction"], np.array([[1, 0.94], [0.94, 1]])))
 
 
 def test_columns_follow_what_a_step_has_changed(recording, tmp_path):

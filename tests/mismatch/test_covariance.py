@@ -55,7 +55,8 @@ def case(request):
     return covariance_of(context), dense(context, law_directions(context), 0.01 * context.force)
 
 
-def test_whitening_is_exact_for_any_columns(case):
+def test_whitening_density_and_further_directions_are_those_of_the_whole_matrix(case):
+    # Whitening is exact for any columns
     covariance, C = case
     W = covariance.whiten(np.eye(len(C)))
     # Rounding: the condition number of C, some 1e4 here, times 1e-16, with room.
@@ -65,13 +66,32 @@ def test_whitening_is_exact_for_any_columns(case):
     # No columns are whitened to none
     assert covariance.whiten(np.zeros((len(C), 0))).shape == (len(C), 0)
 
-
-def test_density_is_that_of_a_dense_cholesky(case):
-    covariance, C = case
+    # Density is that of a dense cholesky
     r = np.random.default_rng(0).normal(0, 0.05, len(C))
     assert_allclose(covariance.log_det, np.linalg.slogdet(C)[1], rtol=1e-10)
     assert_allclose(covariance.log_density(r), multivariate_normal.logpdf(r, cov=C), rtol=1e-9)
     assert_allclose(covariance.standard_deviation, np.sqrt(np.diag(C)), rtol=1e-12)
+
+    # Parts and further directions have their matrix
+    mask = np.random.default_rng(1).random(len(C)) < 0.6
+    W = covariance.restricted(mask).whiten(np.eye(mask.sum()))
+    assert_allclose(W @ C[np.ix_(mask, mask)] @ W.T, np.eye(mask.sum()), atol=1e-10)
+    assert len(covariance.restricted(np.zeros(len(C), bool)).whiten(np.zeros((0, 2)))) == 0
+
+    # Further directions add their outer product
+    U = np.random.default_rng(2).normal(0, 0.1, (len(C), 3))
+    W = covariance.extended(U).whiten(np.eye(len(C)))
+    assert_allclose(W @ (C + U @ U.T) @ W.T, np.eye(len(C)), atol=1e-9)
+
+    # Draws have the covariance
+    count = 4000
+    draws = draws_of(covariance, np.random.default_rng(3), count)
+    found = draws @ draws.T / count
+    error = np.sqrt((np.outer(np.diag(C), np.diag(C)) + C**2) / count)
+    # Each entry's sampling error is normal with this deviation: 5.5 is passed by none of 1e5 correlated ones.
+    assert np.abs((found - C) / error).max() < 5.5
+    total = float(np.sum(covariance.whiten(draws) ** 2))
+    assert 1e-4 < chi2.cdf(total, count * len(C)) < 1 - 1e-4
 
 
 def test_errors_of_a_change_are_half_common_and_half_of_readings_alike(case):
@@ -100,32 +120,8 @@ def test_errors_of_a_change_are_half_common_and_half_of_readings_alike(case):
         assert_allclose(W @ dense @ W.T, np.eye(len(dense)), atol=1e-9)
 
 
-def test_parts_and_further_directions_have_their_matrix(case):
-    covariance, C = case
-    mask = np.random.default_rng(1).random(len(C)) < 0.6
-    W = covariance.restricted(mask).whiten(np.eye(mask.sum()))
-    assert_allclose(W @ C[np.ix_(mask, mask)] @ W.T, np.eye(mask.sum()), atol=1e-10)
-    assert len(covariance.restricted(np.zeros(len(C), bool)).whiten(np.zeros((0, 2)))) == 0
-
-    # Further directions add their outer product
-    U = np.random.default_rng(2).normal(0, 0.1, (len(C), 3))
-    W = covariance.extended(U).whiten(np.eye(len(C)))
-    assert_allclose(W @ (C + U @ U.T) @ W.T, np.eye(len(C)), atol=1e-9)
-
-
-def test_draws_have_the_covariance(case):
-    covariance, C = case
-    count = 4000
-    draws = draws_of(covariance, np.random.default_rng(3), count)
-    found = draws @ draws.T / count
-    error = np.sqrt((np.outer(np.diag(C), np.diag(C)) + C**2) / count)
-    # Each entry's sampling error is normal with this deviation: 5.5 is passed by none of 1e5 correlated ones.
-    assert np.abs((found - C) / error).max() < 5.5
-    total = float(np.sum(covariance.whiten(draws) ** 2))
-    assert 1e-4 < chi2.cdf(total, count * len(C)) < 1 - 1e-4
-
-
-def test_mirror_images_of_one_solution_err_alike():
+def test_mirror_images_err_alike_and_strong_nuisances_keep_the_whitening_exact():
+    # Mirror images of one solution err alike
     context = readings(grid(2))
     law, floor = np.zeros((len(context.force), 3, 0)), 0.01 * context.force
     labels = context.observations.labels()
@@ -143,10 +139,8 @@ def test_mirror_images_of_one_solution_err_alike():
     assert abs(np.mean(shared[a] * shared[b]) - of_floor) < error + 1e-3 * of_floor
     assert abs(np.mean(own[a] * own[b]) - 0.5 * of_floor) < error + 1e-3 * of_floor
 
-
-def test_strong_nuisances_keep_the_whitening_exact():
-    """An error of the contact point a thousand times the noise: the correction is nearly a projection."""
-    context = readings(grid(2))
+    # Strong nuisances keep the whitening exact. An error of the contact point a thousand times the noise: the
+    # correction is nearly a projection
     o = context.observations
     context = replace(context, observations=replace(o, press_depth_mm=o.press_depth_mm * 1000))
     law, floor = law_directions(context), 0.01 * context.force
@@ -157,8 +151,8 @@ def test_strong_nuisances_keep_the_whitening_exact():
     assert_allclose(white @ white, r @ np.linalg.solve(C, r), rtol=1e-6)
 
 
-def test_forty_thousand_readings():
-    """A dense matrix of their 120 000 entries would take 115 GB."""
+def test_forty_thousand_readings_are_whitened_and_noise_and_one_site_per_press_must_be_given():
+    # Forty thousand readings. A dense matrix of their 120 000 entries would take 115 GB
     depths = np.linspace(0.1, 2.0, 800)
     context = readings(grid(5), depths=depths)
     covariance = covariance_of(context)
@@ -170,8 +164,7 @@ def test_forty_thousand_readings():
     # 2 % everywhere is one standard deviation of the law's scale, so it is nowhere near what the noise alone would show.
     assert np.linalg.norm(relative) < 1 < np.linalg.norm(0.02 * flat_base(context)) / 0.010
 
-
-def test_noise_and_one_site_per_press_must_be_given():
+    # Noise and one site per press must be given
     with pytest.raises(ValueError, match="resolution"):
         Covariance(np.array([1.0, 0.0]))
 

@@ -39,15 +39,15 @@ def test_another_unit_comes_first(unit):
     assert found.answer.fit.parts[0].shape == {"unit": unit}
 
 
-def test_all_other_axes_are_the_other_seven_ways_to_lay_a_square_on_itself():
+def test_all_other_axes_are_tried_and_data_entry_errors_say_nothing_of_what_readings_could_see():
+    # All other axes are the other seven ways to lay a square on itself
     turns = {tuple(np.array(way).ravel()) for way in READ.values()}
     assert len(turns) == 7 and (1, 0, 0, 1) not in turns
     for way in READ.values():
         assert_allclose(np.array(way) @ np.array(way).T, np.eye(2))
 
-
-def test_data_entry_errors_say_nothing_of_what_the_readings_could_have_seen():
-    """A unit is seen by any reading; were it counted, readings that see no physics would say that none is missing."""
+    # Data entry errors say nothing of what the readings could have seen. A unit is seen by any reading; were it
+    # counted, readings that see no physics would say that none is missing
     loud = artificial.context(3, per_side=3)
     noise = replace(loud.observations, noise_N=60 * loud.observations.noise_N)
     context = artificial.read(replace(loud, observations=noise), loud.force, np.random.default_rng(4))

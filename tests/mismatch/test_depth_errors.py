@@ -134,8 +134,9 @@ def unsaid(found, press, session):
     return replace(found, press_depth_mm=np.full(n, press), session_depth_mm=np.full(n, session))
 
 
-def test_repeats_show_the_stage_beside_a_stated_contact_point():
-    """400 presses of 4 places know the scatter to 4 %; that of the session is not in it."""
+def test_repeats_show_the_stage_beside_a_stated_contact_point_and_noise_is_stated_by_axis():
+    # Repeats show the stage beside a stated contact point. 400 presses of 4 places know the scatter to 4 %; that of
+    # the session is not in it
     off = np.random.default_rng(8).normal(0, 0.02, 400) + 0.05
     found = pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4)
     found = with_contact_point(unsaid(found, np.nan, 0.05))
@@ -147,15 +148,7 @@ def test_repeats_show_the_stage_beside_a_stated_contact_point():
     assert not found.press_depth_mm.any() and (found.session_depth_mm == 0.05).all()
     assert len(found.cannot_know) == 1 and "depth_zero.press_scatter_mm" in found.cannot_know[0]
 
-
-@pytest.mark.parametrize(("by", "key"), [("press", "press_scatter_mm"), ("session", "session_scatter_mm")])
-def test_what_is_assumed_is_told_by_its_key(by, key):
-    found = with_contact_point(pressed(by, [0.0, 0.01]))
-    assert (found.press_depth_mm + found.session_depth_mm == CONTACT_POINT_MM).all()
-    assert f"(depth_zero.{key})" in found.cannot_know[0]
-
-
-def test_noise_is_stated_by_axis():
+    # Noise is stated by axis
     from gelforge.mismatch.readings.errors import reading_noise
     from gelforge.recording.readings import FORCE
 
@@ -170,6 +163,13 @@ def test_noise_is_stated_by_axis():
     )
     noise, _, _, said = reading_noise(recording)
     assert noise == pytest.approx([0.01, 0.1, 0.03]) and "stated repeatability" in said[0]
+
+
+@pytest.mark.parametrize(("by", "key"), [("press", "press_scatter_mm"), ("session", "session_scatter_mm")])
+def test_what_is_assumed_is_told_by_its_key(by, key):
+    found = with_contact_point(pressed(by, [0.0, 0.01]))
+    assert (found.press_depth_mm + found.session_depth_mm == CONTACT_POINT_MM).all()
+    assert f"(depth_zero.{key})" in found.cannot_know[0]
 
 
 # ------------------------------------------------------------------------------------------------------- with images

@@ -34,7 +34,8 @@ def found_in(problem):
     return modelled(problem, kernels_of(problem), split(problem.labels, SEED))
 
 
-def test_a_smooth_change_is_learnt_and_noise_is_not(base):
+def test_a_smooth_change_is_learnt_noise_is_not_and_its_size_is_averaged_over(base):
+    # A smooth change is learnt and noise is not
     problem, share = bends(base)
     model = found_in(problem)
     assert model.held.shown and "depth" in model.kernel.words
@@ -47,9 +48,8 @@ def test_a_smooth_change_is_learnt_and_noise_is_not(base):
     # Noise is not modelled
     assert not found_in(problem_of(base)).held.shown
 
-
-def test_the_size_of_a_change_is_averaged_over(base):
-    """Second moments are those of the scales' own posteriors, weighted by 0.4 of their log evidence."""
+    # The size of a change is averaged over. Second moments are those of the scales' own posteriors, weighted by 0.4
+    # of their log evidence
     problem, _ = bends(base)
     beside, few = _Beside.of(problem, None, None), np.arange(len(problem.labels)) % 40 == 0
     D = next(one for one in problem.modules if one.name == "depth_map").directions

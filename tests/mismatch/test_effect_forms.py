@@ -41,8 +41,9 @@ def one_press(times, depths, phases, linear=1.0):
     )
 
 
-def test_overstress_of_a_rise_and_a_wait_and_of_extreme_times():
-    """v tau (1 - exp(-t / tau)) while depth grows at v, then fading with tau: exact for a stiffness linear in depth."""
+def test_overstress_of_a_rise_and_a_wait_and_of_times_up_to_ten_times_the_longest_press():
+    # Overstress of a rise and a wait and of extreme times. v tau (1 - exp(-t / tau)) while depth grows at v, then
+    # fading with tau: exact for a stiffness linear in depth
     tau, v = 0.7, 0.5
     rise, wait = np.array([0.5, 1.0, 2.0]), np.array([2.5, 4.0, 9.0])
     context = one_press([*rise, *wait], [*(v * rise), 1.0, 1.0, 1.0], ["load"] * 3 + ["dwell"] * 3)
@@ -63,8 +64,7 @@ def test_overstress_of_a_rise_and_a_wait_and_of_extreme_times():
             found, share * context.derivative("gel_stiffness"), atol=1e-8
         )  # 3 s of 1e9 s, and tau itself
 
-
-def test_relaxation_times_reach_from_a_tenth_of_a_second_to_ten_times_the_longest_press():
+    # Relaxation times reach from a tenth of a second to ten times the longest press
     shapes = CATALOGUE["viscoelastic"].shapes(CONTEXT)
     longest = CONTEXT.observations.table["press_time_s"].max()
     for part in ("gel", "skin"):
@@ -146,8 +146,9 @@ def test_age_and_warmth_act_between_sessions_that_state_them():
 
 
 # ----------------------------------------------------------------------------------------------- machine and readings
-def test_a_yielding_frame_takes_depth_in_proportion_to_force():
-    """Against the force law itself, at the depth that balances; c = 1e-5 mm/N leaves second order below 1e-4."""
+def test_a_yielding_frame_is_in_proportion_to_force_and_a_clock_reads_by_its_sign():
+    # A yielding frame takes depth in proportion to force. Against the force law itself, at the depth that balances;
+    # c = 1e-5 mm/N leaves second order below 1e-4
     c = 1e-5
     table = CONTEXT.observations.table
     x, y, d = (table[name].to_numpy() for name in ("x_mm", "y_mm", "depth_mm"))
@@ -169,9 +170,8 @@ def test_a_yielding_frame_takes_depth_in_proportion_to_force():
     found = change("frame_compliance", [0.1], context=alone)
     assert_allclose(found, 0.1 * alone.force[:, 2:] * alone.slope(), atol=1e-14)
 
-
-def test_a_clock_reads_the_force_of_before_or_after_by_its_sign():
-    """At the end of the way down an early clock reads the wait: nothing changes there."""
+    # A clock reads the force of before or after by its sign. At the end of the way down an early clock reads the
+    # wait: nothing changes there
     context = one_press(
         [1.0, 2.0, 5.0, 6.0, 7.0], [0.5, 1.2, 1.2, 0.6, 0.4], ["load", "load", "dwell", "unload", "unload"]
     )
@@ -188,15 +188,15 @@ def test_a_clock_reads_the_force_of_before_or_after_by_its_sign():
         assert np.array_equal(*same) and not np.array_equal(same[0], context.force)
 
 
-def test_gain_and_cross_talk_act_on_the_force():
+def test_gain_cross_talk_offset_and_drift_act_on_the_force_as_the_zero_leaves_them():
+    # Gain and cross talk act on the force
     assert_allclose(change("force_gain", [0.1, 0.0, -0.2]), CONTEXT.force * [0.1, 0.0, -0.2], atol=1e-15)
     turn = np.array([0.01, -0.02, 0.03])  # rad about x, y, z
     a, b, c = turn
     # x_of_y, x_of_z, y_of_x, y_of_z, z_of_x, z_of_y of a small turn
     assert_allclose(change("cross_talk", [-c, b, c, -a, -b, a]), np.cross(turn, CONTEXT.force), atol=1e-14)
 
-
-def test_offset_and_drift_are_what_the_zero_of_a_tared_session_leaves():
+    # Offset and drift are what the zero of a tared session leaves
     table = CONTEXT.observations.table
     effect = CATALOGUE["force_offset"]
     assert effect.shapes(CONTEXT) == [{}, {"session": "s1"}, {"session": "s2"}]
@@ -226,7 +226,8 @@ def test_offset_and_drift_are_what_the_zero_of_a_tared_session_leaves():
     assert_allclose(since_touch, zeroed.observations.table["press_time_s"], atol=1e-9)
 
 
-def test_hysteresis_and_play_open_when_the_force_turns():
+def test_hysteresis_and_play_open_when_the_force_turns_and_adhesion_on_the_way_up_only():
+    # Hysteresis and play open when the force turns
     times, depths = [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 2.0, 2.0, 1.0, 0.5]
     context = one_press(times, depths, ["load", "load", "dwell", "unload", "unload"])
     found = change("force_hysteresis", [0.0, 0.0, 0.05], context=context)[:, 2]
@@ -249,6 +250,13 @@ def test_hysteresis_and_play_open_when_the_force_turns():
     assert CATALOGUE["force_hysteresis"].shapes(CONTEXT) == [{"loop": "lens"}, {"loop": "play"}]
     assert CATALOGUE["force_hysteresis"].shapes(down) == []
 
+    # Adhesion is seen on the way up only
+    up = (CONTEXT.observations.table["phase"] == "unload").to_numpy()
+    expected = np.outer(up, [0, 0, 1.5e-4 * np.pi * artificial.RADIUS])
+    assert_allclose(change("adhesion", [1e-4]), expected, atol=1e-14)
+    # Between the first order of Johnson, Kendall and Roberts on a half space, pi R w, and Derjaguin's on a thin layer.
+    assert not CATALOGUE["adhesion"].solved and CATALOGUE["adhesion"].to_study is not None
+
 
 @pytest.mark.parametrize("loop", ["lens", "play"])
 @pytest.mark.parametrize("axis", range(3))
@@ -256,14 +264,6 @@ def test_each_axis_has_a_hysteresis_of_its_own(loop, axis):
     effect = CATALOGUE["force_hysteresis"]
     found = effect.to_forces(CONTEXT, {"loop": loop}, CONTEXT.force, 0.05 * np.eye(3)[axis]) - CONTEXT.force
     assert found[:, axis].any() and not np.delete(found, axis, axis=1).any()
-
-
-def test_adhesion_is_seen_on_the_way_up_only():
-    up = (CONTEXT.observations.table["phase"] == "unload").to_numpy()
-    expected = np.outer(up, [0, 0, 1.5e-4 * np.pi * artificial.RADIUS])
-    assert_allclose(change("adhesion", [1e-4]), expected, atol=1e-14)
-    # Between the first order of Johnson, Kendall and Roberts on a half space, pi R w, and Derjaguin's on a thin layer.
-    assert not CATALOGUE["adhesion"].solved and CATALOGUE["adhesion"].to_study is not None
 
 
 # --------------------------------------------------------------------------------------------------------- camera

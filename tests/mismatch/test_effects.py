@@ -255,7 +255,8 @@ def test_a_simplification_is_turned_round(name, base, key, turned):
     assert getattr(CATALOGUE[name].to_study(base_with(**base), {}, [1]).mechanics, key) == turned
 
 
-def test_simplifications_are_lifted_with_several_coefficients_or_laws():
+def test_simplifications_are_lifted_with_several_coefficients_and_friction_has_no_half():
+    # Simplifications are lifted with several coefficients or laws
     found = CATALOGUE["frictionless"]
     smooth = base_with(friction=0.0)
     shapes = found.shapes(replace(CONTEXT, study=smooth))
@@ -271,6 +272,18 @@ def test_simplifications_are_lifted_with_several_coefficients_or_laws():
     fitted = CATALOGUE["linear_elasticity"].to_study(lifted, {}, [1])
     assert fitted == CATALOGUE["linear_elasticity"].to_study(base, {}, [1])
     assert not fitted.mechanics.effects.material.linear_law and fitted.mechanics.strain == "finite"
+
+    # Friction left out has one name and no half. A base without any is `frictionless`; one that has some has
+    # another coefficient, or none
+    smooth = study_from(merged(STUDY.model_dump(mode="json"), {"mechanics": {"friction": 0.0}}))
+    names = ("friction", "friction_law", "frictionless")
+    assert [CATALOGUE[name].applies(smooth) for name in names] == [False, False, True]
+    assert all(CATALOGUE[name].applies(STUDY) for name in names)
+    assert CATALOGUE["friction"].to_study(STUDY, {}, [-1.0]).mechanics.friction == 0.0
+
+    # A simplification has no half
+    with pytest.raises(ValueError, match=r"found 0\.5"):
+        CATALOGUE["frictionless"].to_study(STUDY, {}, [0.5])
 
 
 @pytest.mark.parametrize("name", PUT_RIGHT)
@@ -299,19 +312,6 @@ def test_what_the_base_does_not_assume_is_not_put_right(name):
 def test_an_effect_of_what_the_sensor_does_not_have_is_not_offered(name, sensor_or_mechanics):
     assert CATALOGUE[name].applies(STUDY)
     assert not CATALOGUE[name].applies(study_from(merged(STUDY.model_dump(mode="json"), sensor_or_mechanics)))
-
-
-def test_friction_left_out_has_one_name_and_no_half():
-    """A base without any is `frictionless`; one that has some has another coefficient, or none."""
-    smooth = study_from(merged(STUDY.model_dump(mode="json"), {"mechanics": {"friction": 0.0}}))
-    names = ("friction", "friction_law", "frictionless")
-    assert [CATALOGUE[name].applies(smooth) for name in names] == [False, False, True]
-    assert all(CATALOGUE[name].applies(STUDY) for name in names)
-    assert CATALOGUE["friction"].to_study(STUDY, {}, [-1.0]).mechanics.friction == 0.0
-
-    # A simplification has no half
-    with pytest.raises(ValueError, match=r"found 0\.5"):
-        CATALOGUE["frictionless"].to_study(STUDY, {}, [0.5])
 
 
 # --------------------------------------------------------------------------------------------------------- places

@@ -15,7 +15,8 @@ EXAMPLE = Path("docs/adding/examples/depth_scale.py")
 CATALOGUE = effects.CATALOGUE
 
 
-def test_the_page_has_a_row_for_every_effect():
+def test_the_page_has_a_row_for_every_effect_and_its_cells_tell_bars_once():
+    # The page has a row for every effect
     assert PAGE.read_text(encoding="utf-8") == page(CATALOGUE), (
         "docs/effects.md is old: python docs/effects_table.py"
     )
@@ -25,8 +26,7 @@ def test_the_page_has_a_row_for_every_effect():
     assert sorted(line.split(" | ")[0].removeprefix("| ") for line in rows) == sorted(CATALOGUE)
     assert all(line.count(" | ") == 4 for line in rows)
 
-
-def test_cells_tell_bars_and_like_parameters_once():
+    # Cells tell bars and like parameters once
     split = replace(CATALOGUE["yaw"], signature="|F| grows")
     assert "| \\|F\\| grows |" in page({"yaw": split})
 

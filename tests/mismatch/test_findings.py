@@ -44,8 +44,9 @@ def verdict(problem, judgement):
     return verdict_of(problem, judgement, "artificial", True, None, PROVENANCE)
 
 
-def test_where_a_defect_of_the_answer_lies_is_reported_with_its_layer():
-    """The artificial sensor: 4.5 mm of gel, the top of which is 1.5 mm below the surface."""
+def test_where_a_defect_lies_and_that_a_fit_was_cut_short_are_reported():
+    # Where a defect of the answer lies is reported with its layer. The artificial sensor: 4.5 mm of gel, the top of
+    # which is 1.5 mm below the surface
     sensor = artificial.study().sensor
     ball = {"x_mm": 7.0, "y_mm": 12.0, "z_mm": -3.0, "radius_mm": 1.2}
     disc = {"x_mm": 5.0, "y_mm": 5.0, "z_mm": -1.5, "radius_mm": 2.1}
@@ -60,6 +61,13 @@ def test_where_a_defect_of_the_answer_lies_is_reported_with_its_layer():
     ]
     assert [place.layer for place in found] == ["gel", "skin"]
     assert found[0].depth_mm == pytest.approx((1.8, 4.2)) and found[1].depth_mm == pytest.approx((1.5, 1.5))
+
+    # A fit that was cut short is reported
+    problem, found, _ = identified()
+    assert not any("not final" in said for said in verdict(problem, found).cannot_know)
+    moving = replace(found.answer, fit=replace(found.answer.fit, converged=False))
+    told = verdict(problem, replace(found, answer=moving))
+    assert any("tilt" in said or "cross talk" in said for said in told.cannot_know if "not final" in said)
 
 
 @pytest.mark.thorough
@@ -87,14 +95,6 @@ def test_what_an_answer_leaves_is_reported_below_one_per_cent_and_doubts_it_belo
     assert any(f"p = {p:.2g}" in sentence for sentence in said.cannot_know) == (p == 0.0045)
     assert ("leaves a residual" in said.sentence) == (now == "unexplained")
     assert said.adequacy.words == words
-
-
-def test_a_fit_that_was_cut_short_is_reported():
-    problem, found, _ = identified()
-    assert not any("not final" in said for said in verdict(problem, found).cannot_know)
-    moving = replace(found.answer, fit=replace(found.answer.fit, converged=False))
-    told = verdict(problem, replace(found, answer=moving))
-    assert any("tilt" in said or "cross talk" in said for said in told.cannot_know if "not final" in said)
 
 
 def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probability():
@@ -143,7 +143,8 @@ def test_amounts_in_place_of_an_effect_are_those_beside_the_others():
     )
 
 
-def test_every_effect_has_a_clause_that_says_what_it_means():
+def test_every_effect_has_a_clause_and_what_could_not_be_tried_is_told_once():
+    # Every effect has a clause that says what it means
     gel = CATALOGUE["gel_stiffness"]
     assert gel.in_words({}, [0.12]) == "the gel is 12 % stiffer than simulated"
     assert gel.in_words({}, [-0.2]) == "the gel is 20 % softer than simulated"
@@ -154,8 +155,7 @@ def test_every_effect_has_a_clause_that_says_what_it_means():
     place = {"x_mm": 7.0, "y_mm": 12.5, "z_mm": -3.0, "radius_mm": 1.2}
     assert CATALOGUE["void"].in_words(place, [1.0]) == "there is a void in the gel near (7, 12.5) mm"
 
-
-def test_what_could_not_be_tried_is_told_once_and_not_of_what_was_tried_elsewhere():
+    # What could not be tried is told once and not of what was tried elsewhere
     reasons = {
         "void@3": "it folds",
         "void": "it folds",

@@ -24,8 +24,9 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import flow_channel
 
 
-def test_mean_motion_of_a_shifted_and_of_a_growing_picture():
-    """Parallel rays: every region sees the same, whatever points lie in it, cropped or not."""
+def test_mean_motion_of_a_shifted_and_a_growing_picture_and_its_slope():
+    # Mean motion of a shifted and of a growing picture. Parallel rays: every region sees the same, whatever points
+    # lie in it, cropped or not
     flat = Camera(**(flow_channel.CAMERA | {"focal_px": None, "mm_per_px": 0.05, "position_mm": [8, 8, -4]}))
     points = np.random.default_rng(0).uniform([0, 0, -4], [16, 16, 0], (400, 3))
     for crop in (None, (40, 30, 300, 200)):
@@ -53,9 +54,8 @@ def test_mean_motion_of_a_shifted_and_of_a_growing_picture():
         # of up to 1.75 px: the grid's points against a region's edges
         assert_allclose(motion, expected, atol=0.01)
 
-
-def test_slope_of_the_mean_motion_is_that_of_a_difference():
-    """Of nodes whose weights are drawn, about a displaced state: a difference of half a per cent of the motion."""
+    # Slope of the mean motion is that of a difference. Of nodes whose weights are drawn, about a displaced state: a
+    # difference of half a per cent of the motion
     rng = np.random.default_rng(3)
     eye = CameraView(Camera(**flow_channel.CAMERA), (40, 30, 300, 200), VirtualImaging())
     points = rng.uniform([0, 0, -4], [16, 16, 0], (300, 3))
@@ -67,6 +67,8 @@ def test_slope_of_the_mean_motion_is_that_of_a_difference():
     difference = there - here
     # the projection's curvature over a step of a thousandth
     assert_allclose(np.tensordot(slope, step, 2), difference, atol=5e-3 * np.abs(difference).max())
+
+
 
 
 def test_scatter_parts_what_regions_and_neighbours_share():
@@ -101,7 +103,8 @@ def test_scatter_parts_what_regions_and_neighbours_share():
     assert_allclose([across[2, 3, 2, 3], across[2, 3, 2, 4], across[2, 3, 4, 2]], [1.0, 0.4, 0.4**3])
 
 
-def test_regions_have_means_by_area_and_middles_of_the_image():
+def test_regions_have_means_by_area_and_a_flat_scale_is_a_pinhole_far_away():
+    # Regions have means by area and middles of the image
     flow = np.arange(2.0 * 12 * 20).reshape(12, 20, 2)  # 12 / 8 and 20 / 8 pixels: regions share pixels
     means = region_means(flow)
     assert means.shape == (REGIONS**2, 2)
@@ -120,8 +123,7 @@ def test_regions_have_means_by_area_and_middles_of_the_image():
     assert_allclose([whole[0], whole[1], whole[REGIONS]], [[24.5, 24.5], [74.5, 24.5], [24.5, 74.5]])
     assert_allclose([cut[0], cut[-1]], [[40 + 19.5, 30 + 14.5], [40 + 320 - 20.5, 30 + 240 - 15.5]])
 
-
-def test_a_flat_scale_is_a_pinhole_far_away():
+    # A flat scale is a pinhole far away
     flat = Camera(
         width_px=400,
         height_px=400,

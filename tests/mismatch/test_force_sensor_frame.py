@@ -70,8 +70,9 @@ def test_forces_under_tilt_are_those_of_full_solutions(tmp_path, friction, turns
         assert np.linalg.norm(found[key][0] - slope) < 0.02 * np.linalg.norm(slope)
 
 
-def test_both_frames_differ_by_the_force_turned(tmp_path):
-    """By omega x F: a pressing force of a tilted sensor has a share of the angle along the stage."""
+def test_frames_differ_by_the_force_turned_as_full_solutions_and_tilted_studies_do(tmp_path):
+    # Both frames differ by the force turned. By omega x F: a pressing force of a tilted sensor has a share of the
+    # angle along the stage
     by_sensor, by_stage = (derivatives(tmp_path, 0.45, turns_with) for turns_with in ("sensor", "stage"))
     F = by_sensor["base"][0]
     for k, axis in enumerate(np.radians(np.eye(3)[:2])):
@@ -80,30 +81,41 @@ def test_both_frames_differ_by_the_force_turned(tmp_path):
     for key in ("base", "thickness_gradient.x", "thickness_gradient.y"):
         assert np.array_equal(by_stage[key], by_sensor[key])  # a wedge leaves the sensor's base where it is
 
-
-def test_a_wedge_with_friction_is_that_of_full_solutions(tmp_path):
-    found = derivatives(tmp_path, 0.45, "stage")
+    # A wedge with friction is that of full solutions
+    wedge = tmp_path / "wedge"
+    found = derivatives(wedge, 0.45, "stage")
     for k, along in enumerate(np.eye(2)):
         there, back = (solved(0.45, "thickness_gradient", *(s * WEDGE * along)) for s in (1, -1))
         slope = (there - back) / (2 * WEDGE)
         key = f"thickness_gradient.{'xy'[k]}"
         assert np.linalg.norm(found[key][0] - slope) < 0.02 * np.linalg.norm(slope)
 
-
-def test_a_study_that_is_tilted_is_read_in_the_stage_s_axes(tmp_path):
+    # A study that is tilted is read in the stage s axes
+    of_study = tmp_path / "of_study"
     about = (2.0, -1.0)
     for turns_with, turn in (("sensor", np.eye(3)), ("stage", to_stage(about))):
-        own = solver(tmp_path / turns_with, 0.45, turns_with)
+        own = solver(of_study / turns_with, 0.45, turns_with)
         tilted = CATALOGUE["tilt"].to_study(own.study, {}, about)
         found = follow((Solver(tilted, own.laws, {}, own.kept, turns_with=turns_with), PRESSED, {}))["base"]
         assert_allclose(found[0], turn @ solved(0.45, "tilt", *about), rtol=1e-12, atol=1e-12)
 
 
-def test_a_session_says_it_and_older_ones_are_written_as_before():
+
+
+
+
+def test_a_session_says_its_frame_and_one_not_said_is_taken_for_a_cross_talk():
+    # A session says it and older ones are written as before
     plain = Session(session="s")
     assert plain.force.turns_with == "sensor" and "turns_with" not in plain.model_dump()["force"]
     stage = Session(session="s", force={"turns_with": "stage"})
     assert stage.model_dump()["force"]["turns_with"] == "stage"
+
+    # A frame that is not said is taken for a cross talk. A recorded force that keeps to the stage's axes, next to
+    # derivatives by the sensor's
+    for by_stage, names in ((True, {"tilt"}), (False, {"tilt", "cross_talk"})):
+        _, found = judged(tilted_readings(by_stage))
+        assert {part.name for part in found.answer.fit.parts} == names, found.answer.groups
 
 
 def tilted_readings(by_stage):
@@ -125,10 +137,3 @@ def tilted_readings(by_stage):
     read = artificial.with_effect(held, "tilt", [0.9, -0.5], np.random.default_rng(6))
     known = in_stage if by_stage else in_sensor
     return replace(read, at_readings=dict(base.at_readings) | known)
-
-
-def test_a_frame_that_is_not_said_is_taken_for_a_cross_talk():
-    """A recorded force that keeps to the stage's axes, next to derivatives by the sensor's."""
-    for by_stage, names in ((True, {"tilt"}), (False, {"tilt", "cross_talk"})):
-        _, found = judged(tilted_readings(by_stage))
-        assert {part.name for part in found.answer.fit.parts} == names, found.answer.groups

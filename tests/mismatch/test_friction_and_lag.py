@@ -26,7 +26,8 @@ def friction_changes(context):
     ]
 
 
-def test_a_study_has_the_friction_that_makes_the_map():
+def test_a_study_has_the_friction_that_makes_the_map_about_its_own():
+    # A study has the friction that makes the map
     context = replace(artificial.context(3, per_side=3), study=specimens.study())
     own = next(one for one in modules_of(context, friction_changes(context)) if one.name == "friction")
     amounts = np.array([0.3, 0.4, -0.2, 0.1])
@@ -56,13 +57,11 @@ def test_a_study_has_the_friction_that_makes_the_map():
     assert much.friction == 2.0
     assert [one.exponent for one in much.effects.contact.pressure_terms] == pytest.approx([0.99, -0.99, 0.2])
 
-
-def test_a_map_of_friction_is_about_the_study_s_own_if_it_has_any():
+    # A map of friction is about the study s own if it has any
     falls = {"effects": {"contact": {"pressure_exponent": 0.5}}}
     context = replace(artificial.context(3, per_side=3), study=specimens.study(**falls))
     own = next(one for one in modules_of(context, friction_changes(context)) if one.name == "friction")
     p = own.map["pressure_MPa"].to_numpy()
-    (excess,) = artificial.CATALOGUE["friction"].prior_sd
     assert own.basis[:, 0] == pytest.approx(excess * (1 + p / 0.01) ** -0.5)
 
     # A base without friction has none of another pressure
@@ -78,15 +77,15 @@ def lagging(base, size=0.06):
     return base.force + size * peak * gone**3 * (np.arange(3) == 2)
 
 
-def test_a_force_sensor_that_lags_in_another_form_lags():
+def test_a_force_sensor_that_lags_opens_as_on_the_map_if_presses_are_unloaded():
+    # A force sensor that lags in another form lags
     hidden = problem(lagging)
     found = judge(hidden, SETTINGS, seed=1)
     assert found.state == "identified" and found.model.module.name == "force_hysteresis"
     assert found.posterior.holding(["force_hysteresis"]) > 0.9
 
-
-def test_openings_on_the_map_are_those_of_the_readings():
-    """A press to the largest force and back to a half, read by bands and openings, is what the map says of it."""
+    # Openings on the map are those of the readings. A press to the largest force and back to a half, read by bands
+    # and openings, is what the map says of it
     base = artificial.context(3, per_side=3)
     own = module(base, "force_hysteresis")
     table, z = base.observations.table, np.abs(base.force[:, 2])
@@ -111,6 +110,11 @@ def test_openings_on_the_map_are_those_of_the_readings():
     powers = np.concatenate([k * q + np.arange(len(BANDS), q) for k in range(3)])
     assert np.abs(own.directions[loading][:, powers]).max() < 1e-9 * np.abs(own.directions[:, powers]).max()
 
+    # Without unloading no lag can show
+    up = (base.observations.table["phase"] != "unload").to_numpy()
+    kept = replace(base, observations=base.observations.chosen(up), force=base.force[up])
+    assert "force_hysteresis" not in {one.name for one in modules_of(kept, candidates(kept))}
+
 
 @pytest.mark.parametrize("peak", [0.25, 1.0])
 @pytest.mark.parametrize("left", [0.25, 0.75])
@@ -125,10 +129,3 @@ def test_bands_on_the_map_open_as_a_reading_that_stays_within_a_band(peak, left)
             shown.append(float(np.clip(shown[-1], force - half, force + half)))
         at = np.flatnonzero(np.isclose(path, left * peak, atol=1e-9))
         assert found[k] == pytest.approx(shown[at[-1]] - shown[at[0]], abs=1e-9)
-
-
-def test_without_unloading_no_lag_can_show():
-    base = artificial.context(3, per_side=3)
-    up = (base.observations.table["phase"] != "unload").to_numpy()
-    kept = replace(base, observations=base.observations.chosen(up), force=base.force[up])
-    assert "force_hysteresis" not in {one.name for one in modules_of(kept, candidates(kept))}

@@ -62,7 +62,8 @@ def test_every_effect_alone_or_with_others_fits_into_it(name):
     assert short(three) and "1 more" in three
 
 
-def test_free_forms_discrepancies_and_no_answer_fit_into_it():
+def test_free_forms_and_no_answer_fit_and_the_value_is_said_where_it_fits():
+    # Free forms discrepancies and no answer fit into it
     modules = modules_of(artificial.context(3, per_side=3), ())
     assert {"gain_in_time", "softening"} <= {module.name for module in modules}  # those of most words
     for module, beside in product(modules, (False, True)):
@@ -84,8 +85,7 @@ def test_free_forms_discrepancies_and_no_answer_fit_into_it():
     ):
         assert short(said), said
 
-
-def test_the_value_is_said_where_it_fits_and_the_probability_of_a_member_is_its_share():
+    # The value is said where it fits and the probability of a member is its share
     alone = answer_of("gel_stiffness", like=())
     assert headline("identified", alone) == "The gel is 12 % softer than simulated (probability 0.95)."
     two = answer_of("gel_stiffness", like=(), alternatives=("tilt",))

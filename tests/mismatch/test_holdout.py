@@ -26,7 +26,8 @@ def world():
     return context.observations.labels(), covariance_of(context), make(context)
 
 
-def test_a_quarter_of_sites_and_depths_is_set_aside_in_turns(world):
+def test_readings_are_set_aside_in_turns_and_scored_as_dense_matrices_do(world):
+    # A quarter of sites and depths is set aside in turns
     labels, _, _ = world
     blocks = split(labels, seed=3)
     assert labels["site"][blocks.held["positions"]].nunique() == 2  # of 9
@@ -43,24 +44,8 @@ def test_a_quarter_of_sites_and_depths_is_set_aside_in_turns(world):
     held = [set(labels["site"][split(labels, 0, turn).held["positions"]]) for turn in range(5)]
     assert set.union(*held) == set(range(9)) and not held[0] & held[1]
 
-
-def test_of_one_or_two_sites_the_deepest_readings_are_set_aside():
-    labels = readings(grid(2)[:2]).observations.labels()
-    deepest, first, second = (split(labels, 0, turn) for turn in range(3))
-    assert not deepest.held["positions"].any() and deepest.held["deepest"].any()
-    assert set(labels["site"][deepest.train]) == {0, 1}
-    for blocks, site in ((first, 0), (second, 1)):
-        assert set(labels["site"][blocks.held["positions"]]) == {site}
-        assert set(labels["site"][blocks.train]) == {1 - site} and not blocks.held["deepest"].any()
-
-    # A single site keeps its shallow readings
-    labels = readings(grid(1)).observations.labels()
-    blocks = split(labels, 0)
-    assert not blocks.held["positions"].any() and blocks.held["deepest"].any() and blocks.train.any()
-
-
-def test_scores_are_those_of_dense_matrices(world):
-    """With the amounts' posterior from the training readings the scores add up to ln p(all) - ln p(training)."""
+    # Scores are those of dense matrices. With the amounts' posterior from the training readings the scores add up
+    # to ln p(all) - ln p(training)
     labels, covariance, candidates = world
     drift = candidates[4]
     rng = np.random.default_rng(0)
@@ -83,6 +68,34 @@ def test_scores_are_those_of_dense_matrices(world):
     assert list(plain) == list(scores) == ["positions", "deepest"]
     total, _ = gain(sum(plain.values()), sum(scores.values()))
     assert total == pytest.approx(sum(scores[name][0] - plain[name][0] for name in plain))
+
+
+def test_of_one_or_two_sites_the_deepest_readings_are_set_aside_and_a_choice_has_its_cost():
+    # Of one or two sites the deepest readings are set aside
+    labels = readings(grid(2)[:2]).observations.labels()
+    deepest, first, second = (split(labels, 0, turn) for turn in range(3))
+    assert not deepest.held["positions"].any() and deepest.held["deepest"].any()
+    assert set(labels["site"][deepest.train]) == {0, 1}
+    for blocks, site in ((first, 0), (second, 1)):
+        assert set(labels["site"][blocks.held["positions"]]) == {site}
+        assert set(labels["site"][blocks.train]) == {1 - site} and not blocks.held["deepest"].any()
+
+    # A single site keeps its shallow readings
+    labels = readings(grid(1)).observations.labels()
+    blocks = split(labels, 0)
+    assert not blocks.held["positions"].any() and blocks.held["deepest"].any() and blocks.train.any()
+
+    # A choice costs the more the less the training readings had chosen
+    trained = np.zeros(4)
+    assert selection_penalty_of(trained, np.array([5.0, -40.0, -40.0, -40.0])) == pytest.approx(-np.log(4))
+    assert selection_penalty_of(np.array([0.0, -9.0]), np.array([5.0, -20.0])) == pytest.approx(
+        -np.log1p(np.exp(-9))
+    )
+    assert selection_penalty_of(np.array([-9.0, 0.0]), np.array([5.0, -20.0])) < -8.9
+    assert selection_penalty_of(trained, np.full(4, 5.0)) == pytest.approx(
+        0.0, abs=1e-12
+    )  # all predict alike
+    assert selection_penalty_of(np.array([3.0]), np.array([7.0])) == 0.0
 
 
 def chosen_gain(r, covariance, candidates, blocks):
@@ -113,7 +126,8 @@ def test_nothing_to_find_gives_no_gain(world):
     assert clear <= 8  # 5 %
 
 
-def test_what_is_there_is_predicted(world):
+def test_what_is_there_is_predicted_by_presses_that_are_fitted_and_training_is_needed(world):
+    # What is there is predicted
     labels, covariance, candidates = world
     drift = candidates[4]
     rng, clear = np.random.default_rng(2), 0
@@ -124,9 +138,8 @@ def test_what_is_there_is_predicted(world):
         clear += shown(*found)
     assert clear >= 8
 
-
-def test_presses_set_aside_are_not_fitted_and_training_is_needed(world):
-    """A depth error of one held-out indentation costs it alone what its variance allows, whatever the training says."""
+    # Presses set aside are not fitted and training is needed. A depth error of one held-out indentation costs it
+    # alone what its variance allows, whatever the training says
     labels, covariance, _ = world
     blocks = split(labels, seed=3)
     r = draws_of(covariance, np.random.default_rng(4), 1)[:, 0]
@@ -159,16 +172,3 @@ def test_the_error_of_a_gain_is_what_noise_gives_it(world):
     # of 300 draws a standard deviation is known to 1 / sqrt(600) = 4 %; three times that
     assert np.std(gains) == pytest.approx(expected, rel=0.12)
     assert np.mean(gains) == pytest.approx(expected**2 / 2, rel=0.12)
-
-
-def test_a_choice_costs_the_more_the_less_the_training_readings_had_chosen():
-    trained = np.zeros(4)
-    assert selection_penalty_of(trained, np.array([5.0, -40.0, -40.0, -40.0])) == pytest.approx(-np.log(4))
-    assert selection_penalty_of(np.array([0.0, -9.0]), np.array([5.0, -20.0])) == pytest.approx(
-        -np.log1p(np.exp(-9))
-    )
-    assert selection_penalty_of(np.array([-9.0, 0.0]), np.array([5.0, -20.0])) < -8.9
-    assert selection_penalty_of(trained, np.full(4, 5.0)) == pytest.approx(
-        0.0, abs=1e-12
-    )  # all predict alike
-    assert selection_penalty_of(np.array([3.0]), np.array([7.0])) == 0.0

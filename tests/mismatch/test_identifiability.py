@@ -51,7 +51,8 @@ def lines_of(covariance, candidates):
     return indistinguishable(covariance, {one.name: one for one in screened(r, covariance, candidates)})
 
 
-def test_effects_of_a_line_scale_alike_and_correlate_all(world):
+def test_effects_of_a_line_correlate_all_and_the_limit_has_the_stated_snr(world):
+    # Effects of a line scale alike and correlate all
     _, covariance, candidates = world
     stiffness, drift = named(candidates, "gel_stiffness"), named(candidates, "force_drift")
     lines = lines_of(covariance, [stiffness, replace(stiffness, name="force_gain"), drift])
@@ -71,8 +72,7 @@ def test_effects_of_a_line_scale_alike_and_correlate_all(world):
     lines = lines_of(covariance, fan)
     assert "2" not in lines["0"] and sorted(map(len, set(lines.values()))) == [1, 2]
 
-
-def test_the_limit_has_the_stated_snr(world):
+    # The limit has the stated snr
     _, covariance, candidates = world
     limits = {(part.name, k): (part, amount) for part, k, amount in detection_limits(covariance, candidates)}
     for candidate in candidates[:6]:
@@ -85,6 +85,8 @@ def test_the_limit_has_the_stated_snr(world):
     assert 0 < amount < np.inf and place in candidates
     nothing = Candidate("none", {}, np.zeros((len(covariance), 1)), np.ones(1), np.zeros(1, int))
     assert detection_limits(covariance, [nothing]) == [(nothing, 0, np.inf)]
+
+
 
 
 def test_what_the_limit_promises(world):

@@ -107,7 +107,8 @@ def test_predicted_flow_is_the_measured_one_but_for_the_camera(joint):
     assert np.corrcoef(measured, predicted)[0, 1] > 0.97
 
 
-def test_forces_are_untouched_and_effects_move_their_own_channel(joint):
+def test_forces_and_their_patterns_stay_clean_and_the_camera_leads(joint):
+    # Forces are untouched and effects move their own channel
     forces, n = joint.flow.forces, joint.flow.entries
     assert np.array_equal(joint.residual[:n], forces.residual)
     assert (joint.labels["channel"][:n] == "force").all() and (joint.labels["channel"][n:] == "flow").all()
@@ -128,8 +129,7 @@ def test_forces_are_untouched_and_effects_move_their_own_channel(joint):
     # less what leaves the image, and the gel's rim
     assert 1.5 < column @ flow / (flow @ flow) < 2.5
 
-
-def test_the_camera_leads_with_forces_clean(joint):
+    # The camera leads with forces clean
     alone = screened(joint.flow.forces.residual, joint.flow.forces.covariance, joint.flow.forces.candidates)
     assert alone[0].log_bayes_factor < 5
     both = screened(joint.residual, joint.covariance, joint.candidates)
@@ -168,14 +168,14 @@ def test_the_stage_tells_of_the_images(recorded, tmp_path):
     assert len(drawn) == len(flow.groupby(["x_mm", "y_mm"]))
 
 
-def test_forces_alone_predict_the_images(joint, study):
+def test_forces_alone_predict_the_images_and_patterns_of_one_channel_stay_in_it(joint, study):
+    # Forces alone predict the images
     judgement = judge(joint.flow.forces, study.mismatch, study.seed)
     assert judgement.state in ("consistent", "inconclusive")
     section = flow_section(joint, judgement, after_of(joint, judgement))
     assert section.used == "predicted" and section.rmse_after_px is None
 
-
-def test_patterns_of_one_channel_are_nothing_on_the_other(joint):
+    # Patterns of one channel are nothing on the other
     atoms, n = dictionary(joint.labels, joint.observations.flat(joint.base)), joint.flow.entries
     of_flow = np.array([one.name.startswith("the images") for one in atoms.patterns])
     assert of_flow.any() and (~of_flow).any()
@@ -233,13 +233,27 @@ def test_what_bends_the_mesh_stays_at_first_order_in_the_flow(joint, monkeypatch
     assert np.abs(joint.observations.flat(linear - solved)[n:]).max() > 1e-3 * np.abs(change).max()
 
 
-def test_changes_of_the_flow_are_solved_on_a_finer_mesh_than_those_of_the_forces(joint, study):
-    """No finer than the study asks for, and nothing else of it is another."""
+def test_changes_of_the_flow_have_a_finer_mesh_and_points_fill_the_gel(joint, study):
+    # Changes of the flow are solved on a finer mesh than those of the forces. No finer than the study asks for, and
+    # nothing else of it is another
     solver, own = joint.flow.model.solver, study.mechanics.mesh.near_mm
     assert_allclose(solver.coarse.mechanics.mesh.near_mm, COARSER * own)
     assert study.mismatch.coarser > COARSER
     kept = solver.study.mismatch.model_copy(update={"coarser": study.mismatch.coarser})
     assert solver.study.model_copy(update={"mismatch": kept}) == study
+
+    # Points fill the gel and regions without particles are left out
+    points, inset = even_points(study.sensor, 0.3), 0.15
+    ((low, high),) = gel_boxes(study.sensor)
+    assert (points >= low + inset).all() and (points <= high - inset).all()
+    assert_allclose(points.mean(axis=0), (low + high) / 2, atol=1e-3 * (high - low).max())
+
+    # Regions without particles are left out
+    camera = Camera(**(flow_channel.CAMERA | {"focal_px": 240.0}))  # the gel fills the middle only
+    shown = shows_gel(CameraView(camera, None, VirtualImaging()), likely_particles(study.sensor, 1)).reshape(
+        REGIONS, -1
+    )
+    assert shown[2:6, 2:6].all() and not shown[[0, -1]].any() and not shown[:, [0, -1]].any()
 
 
 @pytest.mark.thorough
@@ -252,8 +266,9 @@ def test_a_defect_far_from_all_images_changes_no_flow(joint):
         model.change_along("void@7")
 
 
-def test_errors_of_a_flow_follow_the_distance_and_the_sites_of_forces(joint):
-    """A fifth of it, more than a change of the forces, each on its own; at the indenter as far as at the rim."""
+def test_errors_of_a_flow_follow_the_distance_and_placements_are_as_far_off_as_said(joint, study):
+    # Errors of a flow follow the distance and the sites of forces. A fifth of it, more than a change of the forces,
+    # each on its own; at the indenter as far as at the rim
     part = next(c for c in joint.candidates if c.name == "gel_stiffness")
     errors, n = joint.errors_of([(part, np.array([0.3]))]), joint.flow.entries
     change = 0.3 * part.columns[:, 0]
@@ -276,9 +291,8 @@ def test_errors_of_a_flow_follow_the_distance_and_the_sites_of_forces(joint):
     forces = dict(zip(labels["site"][:n], group[:n]))
     assert all(forces[site] == g for site, g in zip(labels["site"][n:], group[n:]))
 
-
-def test_other_placements_are_as_far_off_as_the_covariance_says(joint, study):
-    """Those that it was not made of: their flow over all regions, and its share as a whole."""
+    # Other placements are as far off as the covariance says. Those that it was not made of: their flow over all
+    # regions, and its share as a whole
     model, mask = joint.flow.model, flow_entries(joint)
     covariance, base = joint.covariance.restricted(mask), model.drawn.mean(axis=1)
     others = likely_particles(study.sensor, study.seed + 1).first(8)
@@ -290,20 +304,6 @@ def test_other_placements_are_as_far_off_as_the_covariance_says(joint, study):
     # noise and looks of the particles are in the covariance, and not in these: some 0.8
     assert 0.5 < np.mean(white**2) < 1.1
     assert 0.4 < np.sqrt(np.mean(shares**2)) < 1.7  # of eight draws: 0.4 and 1.6 have a chance of 1 % each
-
-
-def test_points_fill_the_gel_and_regions_without_particles_are_left_out(study):
-    points, inset = even_points(study.sensor, 0.3), 0.15
-    ((low, high),) = gel_boxes(study.sensor)
-    assert (points >= low + inset).all() and (points <= high - inset).all()
-    assert_allclose(points.mean(axis=0), (low + high) / 2, atol=1e-3 * (high - low).max())
-
-    # Regions without particles are left out
-    camera = Camera(**(flow_channel.CAMERA | {"focal_px": 240.0}))  # the gel fills the middle only
-    shown = shows_gel(CameraView(camera, None, VirtualImaging()), likely_particles(study.sensor, 1)).reshape(
-        REGIONS, -1
-    )
-    assert shown[2:6, 2:6].all() and not shown[[0, -1]].any() and not shown[:, [0, -1]].any()
 
 
 def test_a_session_without_images_has_no_flow(tmp_path, study):

@@ -38,25 +38,14 @@ def test_all_images_of_a_place_are_one_press(symmetry):
     )
 
 
-def test_a_study_with_a_direction_has_no_images():
+def test_a_study_with_a_direction_has_no_images_and_forces_beside_a_broken_wall_are_mirrored():
+    # A study with a direction has no images
     tilted = SOLVER_EFFECTS["tilt"](specimens.study(), 1.0)
     path = PlannedCell("", 3.0, 4.0, (0.3,))
     assert image_of(tilted, path) == (path, "identity")
 
-
-@pytest.mark.parametrize("symmetry", D4)
-def test_a_side_goes_with_the_sensor(symmetry):
-    """At the image it is the side that the symmetry carries to the path's own, of the same part."""
-    shapes, width = [*SHAPES], 16.0
-    out = {"x_low": (-1, 0), "x_high": (1, 0), "y_low": (0, -1), "y_high": (0, 1)}
-    for shape, number in zip(shapes, numbers_at_image(shapes, symmetry, width)):
-        image = shapes[number]
-        assert image["part"] == shape["part"]
-        assert np.array_equal(D4[symmetry] @ out[image["side"]], out[shape["side"]])
-
-
-def test_forces_beside_a_broken_wall_are_mirrored():
-    """Full solutions: the wall at the low end of y pressed next to it, and that of x at the image."""
+    # Forces beside a broken wall are mirrored. Full solutions: the wall at the low end of y pressed next to it, and
+    # that of x at the image
     study, forces = specimens.study(), []
     for shape, place in (
         ({"part": "wall", "side": "y_low"}, (6.0, 3.5)),
@@ -70,6 +59,17 @@ def test_forces_beside_a_broken_wall_are_mirrored():
     np.testing.assert_allclose(forces[0][[1, 0, 2]], forces[1], rtol=1e-4, atol=1e-6)
     assert forces[1][2] > 0.9 * whole[2]  # softer
     assert whole[0] < 0 < forces[1][0]  # the wall is pushed outwards no more
+
+
+@pytest.mark.parametrize("symmetry", D4)
+def test_a_side_goes_with_the_sensor(symmetry):
+    """At the image it is the side that the symmetry carries to the path's own, of the same part."""
+    shapes, width = [*SHAPES], 16.0
+    out = {"x_low": (-1, 0), "x_high": (1, 0), "y_low": (0, -1), "y_high": (0, 1)}
+    for shape, number in zip(shapes, numbers_at_image(shapes, symmetry, width)):
+        image = shapes[number]
+        assert image["part"] == shape["part"]
+        assert np.array_equal(D4[symmetry] @ out[image["side"]], out[shape["side"]])
 
 
 @pytest.mark.thorough

@@ -108,7 +108,8 @@ def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_is_reported()
     assert any(first.replace("_", " ") in note and "the gel folds" in note for note in found.notes)
 
 
-def test_what_is_not_sure_not_adequate_or_not_physical_is_not_identified():
+def test_an_alarm_needs_a_clear_residual_and_what_is_not_sure_is_not_identified():
+    # What is not sure not adequate or not physical is not identified
     _, found, state = identified()
     (group,) = found.answer.groups
     assert group in found.answer.sure and "tilt" in group.names
@@ -124,8 +125,7 @@ def test_what_is_not_sure_not_adequate_or_not_physical_is_not_identified():
     assert state(groups=(group, *unsure)) == "identified"  # a second effect takes nothing from a sure one
     assert state(adequacy=poor) == state(out=True) == "unexplained"
 
-
-def test_an_alarm_needs_a_clear_residual_or_an_unlikely_nothing():
+    # An alarm needs a clear residual or an unlikely nothing
     _, found, _ = identified()
     likely = replace(found.posterior, evidence={})
     assert likely.probability == {frozenset(): 1.0}
@@ -147,7 +147,8 @@ def test_an_alarm_needs_a_clear_residual_or_an_unlikely_nothing():
     assert not _alarm(tests(0.3, 0.3, 1.0), found.posterior)
 
 
-def test_an_error_of_a_change_is_an_error_of_its_amount():
+def test_an_error_of_a_change_is_one_of_its_amount_that_goes_through_what_was_solved():
+    # An error of a change is an error of its amount
     base = artificial.context(21, per_side=3)
     problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.5], np.random.default_rng(22)))
     every = np.ones(len(problem.labels), bool)
@@ -163,6 +164,25 @@ def test_an_error_of_a_change_is_an_error_of_its_amount():
     # Of the variance of 20 % a quarter is the same at all depths and places, for pressing and sideways forces on their own:
     # 10 / sqrt(2) % at least, 20 % at most.
     assert 0.07 < added < 0.2
+
+    # A change goes through what was solved and of one site nothing is held out
+    # A change goes through what was solved. Of two amounts along their own direction; across it the derivative
+    # stays
+    problem = every_effect()
+    part = next(c for c in problem.candidates if c.name == "tilt")
+    amounts = np.array([2.0, -1.0])
+    solved = 1.3 * part.columns @ amounts
+    through = secant(part.columns, solved - part.columns @ amounts, amounts, part.prior_sd)
+    assert_allclose(through @ amounts, solved, atol=1e-12)
+    across = np.array([1.0, 2.0])  # equal widths
+    assert_allclose(through @ across, part.columns @ across, atol=1e-12)
+
+    # Of one site and one depth nothing is held out
+    base = artificial.context(15, per_side=1, depths=(2.0,))
+    context = artificial.with_effect(base, "gel_stiffness", [0.8], np.random.default_rng(16))
+    down = (context.observations.table["phase"] == "load").to_numpy()
+    found = judged(artificial.chosen(context, down))[1]
+    assert not found.blocks.held_out.any() and found.answer.proof is None and not found.answer.folds
 
 
 @cache
@@ -209,21 +229,3 @@ def test_a_defect_errs_by_its_place_too():
     assert_allclose(added(problem, part, np.ones(1)), (own**2).sum(axis=1), rtol=1e-9, atol=1e-15)
 
 
-def test_a_change_goes_through_what_was_solved():
-    """Of two amounts along their own direction; across it the derivative stays."""
-    problem = every_effect()
-    part = next(c for c in problem.candidates if c.name == "tilt")
-    amounts = np.array([2.0, -1.0])
-    solved = 1.3 * part.columns @ amounts
-    through = secant(part.columns, solved - part.columns @ amounts, amounts, part.prior_sd)
-    assert_allclose(through @ amounts, solved, atol=1e-12)
-    across = np.array([1.0, 2.0])  # equal widths
-    assert_allclose(through @ across, part.columns @ across, atol=1e-12)
-
-
-def test_of_one_site_and_one_depth_nothing_is_held_out():
-    base = artificial.context(15, per_side=1, depths=(2.0,))
-    context = artificial.with_effect(base, "gel_stiffness", [0.8], np.random.default_rng(16))
-    down = (context.observations.table["phase"] == "load").to_numpy()
-    found = judged(artificial.chosen(context, down))[1]
-    assert not found.blocks.held_out.any() and found.answer.proof is None and not found.answer.folds

@@ -35,7 +35,8 @@ def pressed(sites, came_along):
     return Observations(table, ones, PLACES, ones, ones, np.ones(R), by, came_along=moves)
 
 
-def test_the_last_move_of_the_stage_along_each_axis_counts():
+def test_the_last_move_along_each_axis_counts_as_a_grid_shifted_the_other_way():
+    # The last move of the stage along each axis counts
     table = pd.DataFrame(
         {
             "press": ["a", "a", "b", "c", "d", "d"],
@@ -57,10 +58,17 @@ def test_the_last_move_of_the_stage_along_each_axis_counts():
         )
         assert_allclose(last_moves(table, axes), [axes * [sign, 0] for sign in (0, 1, -1, 1)], atol=1e-15)
 
-
-def test_play_along_one_axis_alone_is_an_answer_and_none_is_not():
+    # Play along one axis alone is an answer and none is not
     assert PLAY.in_range([0.3, 0.0]) and PLAY.in_range([0.3, 0.2])
     assert not PLAY.in_range([0.0, 0.0]) and not PLAY.in_range([0.3, -0.1]) and not PLAY.in_range([0.0, 2.0])
+
+    # The first order is that of a grid shifted the other way
+    context, to_forces = artificial.context(), CATALOGUE["misregistration"].to_forces
+    R = len(context.force)
+    moves = np.tile(np.diag([1.0, -1.0]), (R, 1, 1))
+    context = replace(context, observations=replace(context.observations, came_along=moves))
+    played = PLAY.to_forces(context, {}, context.force, [0.4, 0.2])
+    assert_allclose(played, to_forces(context, {}, context.force, [-0.2, 0.1]), rtol=1e-12)
 
 
 def test_with_play_a_press_stays_behind_and_without_it_is_the_base(tmp_path):
@@ -76,12 +84,3 @@ def test_with_play_a_press_stays_behind_and_without_it_is_the_base(tmp_path):
     found = pressed([0, 1], [[1, 0], [-1, 1]])
     base = base_of(solver, found, [SHIFT])
     assert_array_equal(forces_with(solver, base, [(PLAY, {}, [0.0, 0.0])]), base.context.force)
-
-
-def test_the_first_order_is_that_of_a_grid_shifted_the_other_way():
-    context, to_forces = artificial.context(), CATALOGUE["misregistration"].to_forces
-    R = len(context.force)
-    moves = np.tile(np.diag([1.0, -1.0]), (R, 1, 1))
-    context = replace(context, observations=replace(context.observations, came_along=moves))
-    played = PLAY.to_forces(context, {}, context.force, [0.4, 0.2])
-    assert_allclose(played, to_forces(context, {}, context.force, [-0.2, 0.1]), rtol=1e-12)

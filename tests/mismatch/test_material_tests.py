@@ -144,7 +144,8 @@ def test_flow_that_stress_speeds_up_is_told_from_linear_relaxation():
     assert "flow_strain" in shape
 
 
-def test_ageing_alone_is_named_with_its_amount():
+def test_a_gain_between_load_cells_and_ageing_alone_are_named():
+    # Ageing alone is named with its amount
     rng = np.random.default_rng(1)
     young = [made(f"young{n}", 0.05, rng, only_elastic) for n in range(3)]
     old = [made(f"old{n}", 0.05, rng, lambda t, lam, P: 1.4 * P) for n in range(3)]
@@ -153,6 +154,21 @@ def test_ageing_alone_is_named_with_its_amount():
     assert verdict.state == "identified" and named_in(verdict) == ["ageing"]
     amount = next(e for e in verdict.effects if e.name == "ageing").amounts[0]
     assert amount.interval_90[0] < 0.4 < amount.interval_90[1]
+
+    # What is not there is not in the most probable set. A change that is nothing but a gain: the offset next to it
+    # is paid for and not had
+    found = [posterior_of(linear_readings(seed, offset=0.0).changed_by(LINEAR))[0] for seed in range(5)]
+    assert all(one.ranked()[0] == {"force_gain"} for one in found)
+    assert all(one.holding(["force_offset"]) < 0.5 for one in found)
+
+    # A gain between load cells is named and equal cells are null
+    verdict = judged_pair(pair(np.random.default_rng(4), [0.05] * 4))
+    assert verdict.state == "identified" and named_in(verdict) == ["force_gain"]
+    assert "viscoelastic" not in {effect.name for effect in verdict.effects}
+    assert any("no property of the body" in sentence for sentence in verdict.cannot_know)
+
+    # Equal load cells are null
+    assert judged_pair(pair(np.random.default_rng(5), [0.0] * 4)).state == "consistent"
 
 
 def foam(time, lam, P, mu=0.35, alpha=20.0, lost=0.0):
@@ -185,8 +201,9 @@ def test_a_foam_that_ages_in_law_and_relaxation_is_named_with_both():
     assert amounts["change_of_law_shape_1"] > 0.1 and amounts["change_of_relaxation"] > 0.1
 
 
-def test_a_fit_lies_in_the_middle_of_readings_whose_errors_are_shared():
-    """Two tests of one law, 10 % apart, with a shared error of 10 % each: their mean and not less (Peelle's puzzle)."""
+def test_a_fit_lies_in_the_middle_of_shared_errors_and_a_dense_covariance_whitens():
+    # A fit lies in the middle of readings whose errors are shared. Two tests of one law, 10 % apart, with a shared
+    # error of 10 % each: their mean and not less (Peelle's puzzle)
     n = 20
     base = np.linspace(0.1, 1.0, n)
     measured = base * np.where(np.arange(n) % 2, 1.05, 0.95)
@@ -210,6 +227,15 @@ def test_a_fit_lies_in_the_middle_of_readings_whose_errors_are_shared():
     # 1.1 % is the scatter of the mean, 5 % / sqrt(20). Shares of the measured stress drive the factor to its bound.
     assert abs(found.judged.amounts[0]) < 0.011
 
+    # A dense covariance whitens
+    A = np.random.default_rng(1).standard_normal((6, 9))
+    C = Dense(A @ A.T)
+    np.testing.assert_allclose(C.whiten(A @ A.T) @ C.whiten(np.eye(6)).T, np.eye(6), atol=1e-10)
+    assert C.log_det == pytest.approx(np.linalg.slogdet(A @ A.T)[1])
+    kept = np.arange(6) % 2 == 0
+    np.testing.assert_allclose(C.restricted(kept).matrix, (A @ A.T)[::2, ::2])
+    np.testing.assert_allclose(C.standard_deviation**2, np.diag(A @ A.T))
+
 
 def linear_readings(seed, n=40, gain=0.1, offset=0.05):
     """Return readings with a gain and an offset that are there, of one branch with independent noise."""
@@ -225,8 +251,9 @@ LINEAR = (
 )
 
 
-def test_linear_changes_have_the_evidence_of_a_normal_density():
-    """ln N(r; 0, C + J W^2 J') - ln N(r; 0, C), averaged over three scales of each prior at the evidence of the best."""
+def test_linear_changes_have_the_evidence_of_a_density_and_a_ramp_its_closed_form():
+    # Linear changes have the evidence of a normal density. ln N(r; 0, C + J W^2 J') - ln N(r; 0, C), averaged over
+    # three scales of each prior at the evidence of the best
     readings = linear_readings(0)
     J = np.column_stack([readings.base, np.ones(len(readings.base))])
     r = readings.measured - readings.base
@@ -245,22 +272,11 @@ def test_linear_changes_have_the_evidence_of_a_normal_density():
     assert posterior.evidence[frozenset({"force_gain", "force_offset"})] == pytest.approx(average, abs=1e-3)
     assert len(fits) == 3 and posterior.ranked()[0] == {"force_gain", "force_offset"}
 
-
-def test_what_is_not_there_is_not_in_the_most_probable_set():
-    """A change that is nothing but a gain: the offset next to it is paid for and not had."""
-    found = [posterior_of(linear_readings(seed, offset=0.0).changed_by(LINEAR))[0] for seed in range(5)]
-    assert all(one.ranked()[0] == {"force_gain"} for one in found)
-    assert all(one.holding(["force_offset"]) < 0.5 for one in found)
-
-
-def test_a_dense_covariance_whitens():
-    A = np.random.default_rng(1).standard_normal((6, 9))
-    C = Dense(A @ A.T)
-    np.testing.assert_allclose(C.whiten(A @ A.T) @ C.whiten(np.eye(6)).T, np.eye(6), atol=1e-10)
-    assert C.log_det == pytest.approx(np.linalg.slogdet(A @ A.T)[1])
-    kept = np.arange(6) % 2 == 0
-    np.testing.assert_allclose(C.restricted(kept).matrix, (A @ A.T)[::2, ::2])
-    np.testing.assert_allclose(C.standard_deviation**2, np.diag(A @ A.T))
+    # Hereditary integral of a ramp has the closed form. h = (tau / t_1) (1 - exp(-t / tau)) for a unit ramp over
+    # t_1; exact up to rounding for linear steps
+    t, tau = np.linspace(0, 2.0, 7), np.array([0.3, 5.0])
+    found = hereditary(t, t / 2.0, tau, 0.0)
+    np.testing.assert_allclose(found, tau / 2.0 * -np.expm1(-t[:, None] / tau), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -321,23 +337,6 @@ def pair(rng, gains, delay=0):
 def judged_pair(forces):
     found, _ = judge_material(MaterialSource("cube", small=SmallTests(force_pairs=(forces,))))
     return found[0].verdict
-
-
-def test_a_gain_between_load_cells_is_named_and_equal_cells_are_null():
-    verdict = judged_pair(pair(np.random.default_rng(4), [0.05] * 4))
-    assert verdict.state == "identified" and named_in(verdict) == ["force_gain"]
-    assert "viscoelastic" not in {effect.name for effect in verdict.effects}
-    assert any("no property of the body" in sentence for sentence in verdict.cannot_know)
-
-    # Equal load cells are null
-    assert judged_pair(pair(np.random.default_rng(5), [0.0] * 4)).state == "consistent"
-
-
-def test_hereditary_integral_of_a_ramp_has_the_closed_form():
-    """h = (tau / t_1) (1 - exp(-t / tau)) for a unit ramp over t_1; exact up to rounding for linear steps."""
-    t, tau = np.linspace(0, 2.0, 7), np.array([0.3, 5.0])
-    found = hereditary(t, t / 2.0, tau, 0.0)
-    np.testing.assert_allclose(found, tau / 2.0 * -np.expm1(-t[:, None] / tau), atol=1e-12)
 
 
 # ---------------------------------------------------------------------------------------- the shared measurements

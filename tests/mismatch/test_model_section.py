@@ -37,7 +37,8 @@ def modelled():
     return problem, judge(problem, SETTINGS, seed=1)
 
 
-def test_what_no_effect_explains_is_modelled_in_sections_and_tables(modelled):
+def test_what_no_effect_explains_is_modelled_in_sections_and_nothing_in_none(modelled):
+    # What no effect explains is modelled in sections and tables
     problem, found = modelled
     said = verdict(problem, found)
     assert said.state == "unexplained" and not said.sure
@@ -65,6 +66,12 @@ def test_what_no_effect_explains_is_modelled_in_sections_and_tables(modelled):
     assert said.fit.after.rmse_N[2] < 0.7 * said.fit.before.rmse_N[2]
     assert said.fit.held_out == said.model.held_out and not said.fit.held_out_blocks
 
+    # Nothing modelled has no section and no correction
+    assert model_section(problem, replace(found, model=None)) is None
+    assert correction_table(problem, None) is None
+    in_time = replace(found.model, kernel=replace(found.model.kernel, of_labels=False))
+    assert correction_table(problem, in_time) is None
+
 
 def test_a_sure_effect_stands_beside_what_is_modelled():
     problem = bending(("tilt", [3.0, -2.0]))
@@ -91,11 +98,3 @@ def test_the_correction_has_every_judged_place_and_depth_while_loading(modelled,
     pd.testing.assert_frame_equal(written[table.columns].reset_index(drop=True), table, rtol=1e-6)
     write_tables(tmp_path, {CORRECTION: None})
     assert not (tmp_path / CORRECTION).exists()
-
-
-def test_nothing_modelled_has_no_section_and_no_correction(modelled):
-    problem, found = modelled
-    assert model_section(problem, replace(found, model=None)) is None
-    assert correction_table(problem, None) is None
-    in_time = replace(found.model, kernel=replace(found.model.kernel, of_labels=False))
-    assert correction_table(problem, in_time) is None

@@ -119,8 +119,9 @@ def module(context, name):
     return next(one for one in modules_of(context, candidates(context)) if one.name == name)
 
 
-def test_a_map_of_one_number_is_an_effect_as_wide_as_plausible():
-    """The first coefficient is the map's even part: one depth, one modulus, one gain."""
+def test_a_map_of_one_number_is_an_effect_and_one_place_or_press_has_none():
+    # A map of one number is an effect as wide as plausible. The first coefficient is the map's even part: one
+    # depth, one modulus, one gain
     context = artificial.context(3, per_side=3)
     flat = context.observations.flat
     even = {
@@ -144,8 +145,7 @@ def test_a_map_of_one_number_is_an_effect_as_wide_as_plausible():
     values = own.values(np.zeros(own.basis.shape[1]), np.eye(own.basis.shape[1]))
     assert_allclose(values["sigma"], np.linalg.norm(own.basis, axis=1))
 
-
-def test_one_place_has_no_map_of_places_and_one_press_none_of_time():
+    # One place has no map of places and one press none of time
     base = artificial.context(3, per_side=3)
     rows = (base.observations.table["site"] == 0).to_numpy()
     names = ["force_hysteresis", "gain_in_time", "relaxation", "softening"]
@@ -157,7 +157,9 @@ def test_one_place_has_no_map_of_places_and_one_press_none_of_time():
     assert [one.name for one in modules_of(artificial.chosen(base, first & going_down), ())] == []
 
 
-def test_a_body_softer_to_one_side_is_said_with_its_map(modulus, tmp_path):
+def test_a_body_softer_to_one_side_is_said_and_its_correction_needs_a_sure_cause(modulus, tmp_path):
+    # A body softer to one side is said with its map
+    body = tmp_path / "body"
     hidden, found = modulus
     said = verdict(hidden, found)
     assert found.state == "identified" and said.model.cause == "modulus_map" and said.model.sure
@@ -168,17 +170,17 @@ def test_a_body_softer_to_one_side_is_said_with_its_map(modulus, tmp_path):
     upper = table["z_mm"] == table["z_mm"].max()
     assert np.corrcoef(table["mean"][upper], change[upper])[0, 1] > 0.9
     assert np.mean(np.abs(table["mean"] - change) < 2 * table["sigma"]) > 0.9
-    write_tables(tmp_path, {MODULE: table})
-    assert len(read_csv(tmp_path / MODULE, numbers=["mean", "sigma"])) == len(table)
-    assert (tmp_path / MODULE).read_text().splitlines()[0].split(",") == list(
+    write_tables(body, {MODULE: table})
+    assert len(read_csv(body / MODULE, numbers=["mean", "sigma"])) == len(table)
+    assert (body / MODULE).read_text().splitlines()[0].split(",") == list(
         table
     )  # whatever the map is a function of
-    write_tables(tmp_path, {MODULE: None})
-    assert not (tmp_path / MODULE).exists()
+    write_tables(body, {MODULE: None})
+    assert not (body / MODULE).exists()
 
-
-def test_the_correction_is_the_change_and_needs_a_cause_that_is_sure(modulus, tmp_path):
-    hidden, found = modulus
+    # The correction is the change and needs a cause that is sure
+    correction = tmp_path / "correction"
+    correction.mkdir()
     table = correction_table(hidden, found.model)
     true = softer_to_one_side(artificial.context(31, per_side=4))[0] - hidden.base
     rows = hidden.observations.table.query("phase == 'load'")
@@ -189,14 +191,17 @@ def test_the_correction_is_the_change_and_needs_a_cause_that_is_sure(modulus, tm
 
     # A file without an effect needs a cause that is sure
     said = verdict(*modulus)
-    write_verdict(tmp_path, said)
-    assert read_verdict(tmp_path).model.cause == "modulus_map" and (tmp_path / VERDICT).is_file()
+    write_verdict(correction, said)
+    assert read_verdict(correction).model.cause == "modulus_map" and (correction / VERDICT).is_file()
     for model in (None, said.model.model_copy(update={"probability": 0.8})):
         with pytest.raises(ValueError, match="without an answer"):
             Verdict.model_validate(said.model_copy(update={"model": model}).model_dump())
 
 
-def test_the_patched_study_has_the_map_of_the_modulus():
+
+
+def test_the_patched_study_has_the_map_and_a_gel_of_another_form_relaxes():
+    # The patched study has the map of the modulus
     study = specimens.study()
     context = replace(artificial.context(3, per_side=3), study=study)
     shapes = boxes(study)
@@ -208,9 +213,8 @@ def test_the_patched_study_has_the_map_of_the_modulus():
     patches = keys["mechanics"]["effects"]["geometry"]["patches"]
     assert [patch["factor"] for patch in patches] == pytest.approx((1 + change).tolist())
 
-
-def test_a_gel_that_relaxes_in_another_form_relaxes():
-    """Before the spectrum was a rival, a clock that is late was claimed in its place."""
+    # A gel that relaxes in another form relaxes. Before the spectrum was a rival, a clock that is late was claimed
+    # in its place
     hidden = problem(relaxing_by_a_power)
     found = judge(hidden, SETTINGS, seed=1)
     said = verdict(hidden, found)
@@ -228,8 +232,9 @@ def test_a_gel_that_softens_in_another_form_softens():
     assert found.posterior.holding(["mullins"]) > 0.9
 
 
-def test_a_form_counts_for_the_effect_that_it_generalises():
-    """All of a cause is known of a set that holds the effect, and its own share of one that holds something unknown."""
+def test_a_form_counts_for_what_it_generalises_and_causes_share_the_chances(modulus):
+    # A form counts for the effect that it generalises. All of a cause is known of a set that holds the effect, and
+    # its own share of one that holds something unknown
     tried = [Kernel("relaxation", np.zeros((0, 1)), form_of=("a",)), Kernel("smooth", np.zeros((0, 1)))]
     one = Weighed(tried, {"relaxation": 3.0, "smooth": 3.0})
     known = Posterior({}, {}, {frozenset({"a"}): 4.0, frozenset({"unknown"}): 4.0}, {frozenset(): one}, 2, {})
@@ -239,8 +244,7 @@ def test_a_form_counts_for_the_effect_that_it_generalises():
     assert known.causes["relaxation"] == pytest.approx(known.holding(["a"]))
     assert known.causes["smooth"] == pytest.approx(both[1] / 2)
 
-
-def test_chances_of_kernels_add_up_and_causes_share_them(modulus):
+    # Chances of kernels add up and causes share them
     one = modulus[1].posterior.unknown[frozenset()]
     causes = {own.words for own in modulus[0].modules if own.named}
     share = 1 / (len(causes) + 1)
@@ -252,6 +256,8 @@ def test_chances_of_kernels_add_up_and_causes_share_them(modulus):
     assert sum(posterior.kernels.values()) == pytest.approx(posterior.holding([UNKNOWN]), abs=1e-9)
 
 
+
+
 def terms(context):
     """Return the changes by the terms of the energy, as the solver would give them."""
     flat = context.observations.flat(context.force)
@@ -261,7 +267,8 @@ def terms(context):
     ]
 
 
-def test_a_study_has_the_energy_or_the_spectrum_that_makes_the_map():
+def test_the_energy_of_the_map_is_in_the_study_and_the_cause_on_the_page_is_whole():
+    # A study has the energy or the spectrum that makes the map
     context = replace(artificial.context(3, per_side=3), study=specimens.study())
     own = next(one for one in modules_of(context, terms(context)) if one.name == "strain_energy")
     amounts = np.array([0.4, -0.2, 0.1, 0.3])
@@ -282,6 +289,17 @@ def test_a_study_has_the_energy_or_the_spectrum_that_makes_the_map():
     assert list(branches) == ["gel"] and branches["gel"].relative_moduli == [0.05] * (gel.sum() - 1)
     assert branches["gel"].times_s == own.map["relaxation_time_s"][gel].tolist()[1:]
     assert own.to_study(context.study, -np.abs(moduli)) == context.study
+
+    # The cause that the page shows is a whole one
+    file = run_path(str(EXAMPLE))
+    context = artificial.context(3, per_side=3)
+    own = file["FREE_FORM"].module(context, ())
+    assert own.directions.shape[1] == own.basis.shape[1] and len(own.map) == len(own.basis)
+    drawn = own.values(np.ones(own.basis.shape[1]), np.eye(own.basis.shape[1]))
+    assert "into s1" in own.where(drawn.iloc[0]) and (drawn["sigma"] > 0).all()
+    moving = np.zeros(context.force.shape, bool)
+    moving[(context.observations.table["phase"] == "unload").to_numpy()] = True
+    assert not own.directions[~context.observations.flat(moving).astype(bool)].any() and own.directions.any()
 
 
 @pytest.mark.thorough
@@ -313,13 +331,3 @@ def test_an_effect_of_the_catalogue_stays_preferred():
     assert found.posterior.holding([UNKNOWN]) < 0.2
 
 
-def test_the_cause_that_the_page_shows_is_a_whole_one():
-    file = run_path(str(EXAMPLE))
-    context = artificial.context(3, per_side=3)
-    own = file["FREE_FORM"].module(context, ())
-    assert own.directions.shape[1] == own.basis.shape[1] and len(own.map) == len(own.basis)
-    drawn = own.values(np.ones(own.basis.shape[1]), np.eye(own.basis.shape[1]))
-    assert "into s1" in own.where(drawn.iloc[0]) and (drawn["sigma"] > 0).all()
-    moving = np.zeros(context.force.shape, bool)
-    moving[(context.observations.table["phase"] == "unload").to_numpy()] = True
-    assert not own.directions[~context.observations.flat(moving).astype(bool)].any() and own.directions.any()

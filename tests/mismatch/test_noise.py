@@ -35,7 +35,8 @@ def drawn(tails: bool, count: int = 400 * 6) -> np.ndarray:
     return rng.standard_t(5, (count, 3)) * np.sqrt(3 / 5) if tails else rng.standard_normal((count, 3))
 
 
-def test_size_and_tails_are_those_of_the_repeats():
+def test_size_and_tails_are_those_of_the_repeats_and_wide_steps_are_taken_as_they_are():
+    # Size and tails are those of the repeats
     # 1200 degrees of freedom: the size is known to 2 %, of heavy tails to 4 %; a squared draw of Student's t with 5 varies
     # four times as much as a normal one's, but its fourth moment comes slowly
     for tails, low, high in ((False, 1.0, 1.15), (True, 2.0, 8.0)):
@@ -45,8 +46,7 @@ def test_size_and_tails_are_those_of_the_repeats():
         assert freedom == 400 * (2 + 1)
         assert low <= found <= high
 
-
-def test_wide_steps_and_a_stated_noise_are_taken_as_they_are():
+    # Wide steps and a stated noise are taken as they are
     noise, rounding, _, _ = reading_noise(recording(drawn(False), step_N=0.02))
     assert rounding == pytest.approx(np.full(3, 0.02 / np.sqrt(12)))  # in all axes: half a step is 0.010
     assert (noise < 0.01).all()
@@ -59,22 +59,19 @@ def test_wide_steps_and_a_stated_noise_are_taken_as_they_are():
     assert "6 repeated readings" in said[0]
 
 
+
+
 @pytest.mark.parametrize("repeatability_N", [None, 0.004])
 def test_the_step_is_that_of_the_file_and_not_of_the_data_sheet(repeatability_N):
     noise, rounding, _, _ = reading_noise(recording(drawn(False), 0.001, 400, repeatability_N, 0.03))
     assert not rounding.any() and noise == pytest.approx(np.hypot(SIGMA, 0.001 / np.sqrt(12)), rel=0.1)
 
 
-def test_a_resolution_counts_where_neither_steps_nor_repeatability_are_known():
-    """As of readings between the samples of a log, which have all digits."""
-    for repeatability_N, step in ((None, 0.03), (0.004, 0.0)):
-        noise, rounding, _, _ = reading_noise(recording(drawn(False), 0.0, 400, repeatability_N, 0.03))
-        assert rounding == pytest.approx(np.full(3, step / np.sqrt(12)))
-        assert noise == pytest.approx(np.maximum(SIGMA, 0.1 * step), rel=0.1)
 
 
-def test_steps_are_found_beneath_the_digits_and_turn_with_the_axes():
-    """3 / 1024 N with five digits, as ADCs have them; five digits of anything; all digits; one number."""
+def test_steps_are_found_beneath_the_digits_and_a_resolution_counts_if_none_are():
+    # Steps are found beneath the digits and turn with the axes. 3 / 1024 N with five digits, as ADCs have them;
+    # five digits of anything; all digits; one number
     rng = np.random.default_rng(11)
     counts, any_number = rng.integers(-200, 200, 500), rng.normal(0, 0.3, 500)
     columns = [np.round(counts * 3 / 1024, 5), np.round(any_number, 5), any_number, np.full(500, 0.3)]
@@ -88,6 +85,13 @@ def test_steps_are_found_beneath_the_digits_and_turn_with_the_axes():
     one.session.force = ForceSensor(axes=[[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     rounding = reading_noise(one)[1]
     assert rounding == pytest.approx([0.02 / np.sqrt(12), 0.02 / np.sqrt(12), 0.0])
+
+    # A resolution counts where neither steps nor repeatability are known. As of readings between the samples of a
+    # log, which have all digits
+    for repeatability_N, step in ((None, 0.03), (0.004, 0.0)):
+        noise, rounding, _, _ = reading_noise(recording(drawn(False), 0.0, 400, repeatability_N, 0.03))
+        assert rounding == pytest.approx(np.full(3, step / np.sqrt(12)))
+        assert noise == pytest.approx(np.maximum(SIGMA, 0.1 * step), rel=0.1)
 
 
 # ------------------------------------------------------------------------------------------------------- relaxation
@@ -113,13 +117,44 @@ def relaxing(sigma=0.005, share=0.15, tau=5.0, presses=50):
     return SimpleNamespace(readings=readings, session=SimpleNamespace(session="s", force=sensor))
 
 
-def test_relaxation_is_no_noise():
-    """Pooled with dwells that bend, Fz would seem to scatter by 20 mN in place of 5; 150 zero readings know it to 6 %."""
+def test_relaxation_is_no_noise_and_contact_scatter_is_seen_in_repeats():
+    # Relaxation is no noise. Pooled with dwells that bend, Fz would seem to scatter by 20 mN in place of 5; 150
+    # zero readings know it to 6 %
     noise, _, (freedom, _), said = reading_noise(relaxing())
     assert noise == pytest.approx([0.005] * 3, rel=0.2)
     assert freedom == 50 * 3 and "Fz bends during dwells" in said[0]
     _, _, (freedom, _), said = reading_noise(relaxing(share=0.0))
     assert freedom == 50 * (3 + 3) and not said
+
+    # The scatter of the contact point is seen in repeats that found it. 400 presses of 4 places know a scatter to 4
+    # %; the slope is a difference over 0.1 mm
+    off = np.random.default_rng(8).normal(0, 0.02, 400)
+    found = with_contact_point(pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
+    assert found.press_depth_mm == pytest.approx(np.full(1600, 0.02), rel=0.12) and not found.cannot_know
+    none = with_contact_point(pressed("press", 0 * off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
+    assert (none.press_depth_mm < 0.001).all()
+
+    # One zero for all presses is not seen in repeats
+    found = with_contact_point(pressed("session", np.full(40, 0.05)))
+    assert (found.session_depth_mm == 0.02).all() and not found.press_depth_mm.any()
+    assert "0.02 mm is assumed" in found.cannot_know[0]
+
+    # Two presses are one repeat however many depths they have
+    found = with_contact_point(pressed("press", [0.0, 0.01], np.linspace(0.2, 1.0, 12)))
+    assert (found.press_depth_mm == 0.02).all() and "assumed" in found.cannot_know[0]
+
+    # Touch is where its row its speed or else the study says
+    slow = [np.nan, np.nan, 0.1, 0.0]  # 10 s for the way down; at rest in a dwell
+    untouched = ["zero", "none", "load", "dwell"]
+    for columns, since, words in (
+        ({}, 12.0, ""),
+        ({"speed_mm_per_s": slow}, 12.0, ""),
+        ({"speed_mm_per_s": slow, "phase": untouched}, 10.0, ""),
+        ({"phase": untouched}, 2.0, "1 indentations have neither a touch row nor a speed"),
+    ):
+        found, told = timed(**columns)
+        assert found == pytest.approx([since, since + 5.0])
+        assert words in "".join(told) and bool(told) == bool(words)
 
 
 # ------------------------------------------------------------------------------------------------------- depth zero
@@ -141,22 +176,6 @@ def pressed(by, off, depths=(0.5, 1.0), sigma=0.0, sites=1):
     )
 
 
-def test_the_scatter_of_the_contact_point_is_seen_in_repeats_that_found_it():
-    """400 presses of 4 places know a scatter to 4 %; the slope is a difference over 0.1 mm."""
-    off = np.random.default_rng(8).normal(0, 0.02, 400)
-    found = with_contact_point(pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
-    assert found.press_depth_mm == pytest.approx(np.full(1600, 0.02), rel=0.12) and not found.cannot_know
-    none = with_contact_point(pressed("press", 0 * off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4))
-    assert (none.press_depth_mm < 0.001).all()
-
-    # One zero for all presses is not seen in repeats
-    found = with_contact_point(pressed("session", np.full(40, 0.05)))
-    assert (found.session_depth_mm == 0.02).all() and not found.press_depth_mm.any()
-    assert "0.02 mm is assumed" in found.cannot_know[0]
-
-    # Two presses are one repeat however many depths they have
-    found = with_contact_point(pressed("press", [0.0, 0.01], np.linspace(0.2, 1.0, 12)))
-    assert (found.press_depth_mm == 0.02).all() and "assumed" in found.cannot_know[0]
 
 
 # ------------------------------------------------------------------------------------------------------- time of touch
@@ -173,15 +192,3 @@ def timed(**columns):
     return _table(session, readings, 0.5, told)["press_time_s"].to_numpy()[-2:], told
 
 
-def test_touch_is_where_its_row_its_speed_or_else_the_study_says():
-    slow = [np.nan, np.nan, 0.1, 0.0]  # 10 s for the way down; at rest in a dwell
-    untouched = ["zero", "none", "load", "dwell"]
-    for columns, since, words in (
-        ({}, 12.0, ""),
-        ({"speed_mm_per_s": slow}, 12.0, ""),
-        ({"speed_mm_per_s": slow, "phase": untouched}, 10.0, ""),
-        ({"phase": untouched}, 2.0, "1 indentations have neither a touch row nor a speed"),
-    ):
-        found, told = timed(**columns)
-        assert found == pytest.approx([since, since + 5.0])
-        assert words in "".join(told) and bool(told) == bool(words)

@@ -21,7 +21,8 @@ def between(first, second, share):
     return {axis: first[axis] + share * (second[axis] - first[axis]) for axis in first}
 
 
-def test_a_place_tried_or_beyond_is_the_nearest_one():
+def test_a_place_tried_is_the_nearest_one_and_slopes_are_of_linear_columns():
+    # A place tried or beyond is the nearest one
     assert places.shares(TRIED[7], TRIED) == {7: 1.0}
 
     # Beyond the outermost place is that place
@@ -29,14 +30,7 @@ def test_a_place_tried_or_beyond_is_the_nearest_one():
     beyond = {**corner, "x_mm": corner["x_mm"] - 1, "y_mm": corner["y_mm"] - 1}
     assert places.shares(beyond, TRIED) == {TRIED.index(corner): 1.0}
 
-
-@pytest.mark.parametrize("share", [0.25, 0.5])
-def test_half_way_is_half_of_either(share):
-    found = places.shares(between(TRIED[6], TRIED[7], share), TRIED)
-    assert found == {6: pytest.approx(1 - share), 7: pytest.approx(share)}
-
-
-def test_slopes_are_those_of_columns_linear_in_the_place_within_the_layers():
+    # Slopes are those of columns linear in the place within the layers
     problem = problem_of(artificial.context(61, per_side=3), left_out=())
     rows = np.linspace(0, 1, len(problem.labels))[:, None]
     balls = [
@@ -59,6 +53,21 @@ def test_slopes_are_those_of_columns_linear_in_the_place_within_the_layers():
         slope = slopes(ball, balls)["radius_mm"]
         reach = [ball.shape["radius_mm"] + end for end in (slope.low, slope.high)]
         assert reach[1] == pytest.approx(sizes[1]) and 0 < reach[0] <= sizes[0]
+
+    # The first order of a void between places is between theirs
+    base = artificial.context(64, per_side=3)
+    effect, shapes = CATALOGUE["void"], CATALOGUE["void"].shapes(base)
+    ends = [effect.to_forces(base, shapes[k], base.force, [0.5]) for k in (6, 7)]
+    middle = effect.to_forces(base, between(shapes[6], shapes[7], 0.5), base.force, [0.5])
+    assert middle == pytest.approx((ends[0] + ends[1]) / 2, abs=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5])
+def test_half_way_is_half_of_either(share):
+    found = places.shares(between(TRIED[6], TRIED[7], share), TRIED)
+    assert found == {6: pytest.approx(1 - share), 7: pytest.approx(share)}
+
+
 
 
 def bubble(context, place, amount=1.0):
@@ -168,8 +177,8 @@ def test_beside_another_effect_the_place_is_fitted_too():
     assert off[0] < 0.6 * off[1]
 
 
-def test_errors_are_of_form_once_a_place_is_found():
-    """In form as others do, and no more towards the next places."""
+def test_errors_are_of_form_once_a_place_is_found_and_a_step_too_far_is_not_taken():
+    # Errors are of form once a place is found. In form as others do, and no more towards the next places
     problem = replace(problem_of(artificial.context(65, per_side=3), left_out=()), change_error=0.1)
     part = next(c for c in problem.candidates if c.name == "void" and c.tried == TRIED[12])
     there = displaced(part, {"x_mm": 1.0})
@@ -189,6 +198,23 @@ def test_errors_are_of_form_once_a_place_is_found():
         # the base's mesh is behind what is solved, and not behind what the force sensor does
         assert [problem.error_of(part) for part in wrong] == [max(error, 0.15), error, error, 0.0]
     assert replace(problem, change_error=0.0).error_of(parts[0]) == 0.0
+
+    # A step too far is not taken. Of a model that fits nowhere as well as where the fit begins
+    base = artificial.context(66, per_side=3)
+    context = artificial.with_effect(base, "gel_stiffness", [0.35], np.random.default_rng(67))
+    problem = replace(problem_of(context), change_error=0.0)
+    (own,) = (c for c in problem.candidates if c.name == "gel_stiffness")
+    (start,) = screened(problem.residual, problem.covariance, [own])
+
+    def odd(terms, rows):
+        ((part, a),) = terms
+        share = 0.9 if a == pytest.approx(start.amounts, abs=1e-9) else -1.0
+        found = problem.base.copy()
+        found[context.observations.read] += share * part.columns @ start.amounts
+        return found
+
+    fit = refitted(replace(problem, forces_with=odd), start, np.ones(len(problem.labels), bool))
+    assert fit.amounts[0] == pytest.approx(start.amounts, abs=1e-9)
 
 
 def test_evidence_is_averaged_over_errors_of_form():
@@ -225,28 +251,5 @@ def test_evidence_is_averaged_over_errors_of_form():
     )
 
 
-def test_a_step_too_far_is_not_taken():
-    """Of a model that fits nowhere as well as where the fit begins."""
-    base = artificial.context(66, per_side=3)
-    context = artificial.with_effect(base, "gel_stiffness", [0.35], np.random.default_rng(67))
-    problem = replace(problem_of(context), change_error=0.0)
-    (own,) = (c for c in problem.candidates if c.name == "gel_stiffness")
-    (start,) = screened(problem.residual, problem.covariance, [own])
-
-    def odd(terms, rows):
-        ((part, a),) = terms
-        share = 0.9 if a == pytest.approx(start.amounts, abs=1e-9) else -1.0
-        found = problem.base.copy()
-        found[context.observations.read] += share * part.columns @ start.amounts
-        return found
-
-    fit = refitted(replace(problem, forces_with=odd), start, np.ones(len(problem.labels), bool))
-    assert fit.amounts[0] == pytest.approx(start.amounts, abs=1e-9)
 
 
-def test_the_first_order_of_a_void_between_places_is_between_theirs():
-    base = artificial.context(64, per_side=3)
-    effect, shapes = CATALOGUE["void"], CATALOGUE["void"].shapes(base)
-    ends = [effect.to_forces(base, shapes[k], base.force, [0.5]) for k in (6, 7)]
-    middle = effect.to_forces(base, between(shapes[6], shapes[7], 0.5), base.force, [0.5])
-    assert middle == pytest.approx((ends[0] + ends[1]) / 2, abs=1e-12)

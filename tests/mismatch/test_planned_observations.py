@@ -25,7 +25,8 @@ def effect(name, *values):
     )
 
 
-def test_dead_weights_tell_a_gain_from_a_stiffness_and_not_two_stiffnesses():
+def test_dead_weights_tell_a_gain_and_the_spread_of_a_cut_range_is_read_from_the_other_side():
+    # Dead weights tell a gain from a stiffness and not two stiffnesses
     gain, gel, skin = (
         effect("force_gain", 0.0, 0.0, 0.15),
         effect("gel_stiffness", 0.2),
@@ -37,9 +38,8 @@ def test_dead_weights_tell_a_gain_from_a_stiffness_and_not_two_stiffnesses():
     (blind,) = next_experiment([plan], survivor(gel), survivor(skin))
     assert blind.expected_log_odds == pytest.approx(0.0, abs=1e-9) and not blind.decides
 
-
-def test_the_spread_of_what_is_cut_at_its_range_is_read_from_the_other_side():
-    """Of 90 % intervals: 1.645 standard deviations to a side; cut on both, or told beyond its range, it is the prior's."""
+    # The spread of what is cut at its range is read from the other side. Of 90 % intervals: 1.645 standard
+    # deviations to a side; cut on both, or told beyond its range, it is the prior's
 
     def spread(value, low, high):
         void = effect("void", value)
@@ -50,6 +50,8 @@ def test_the_spread_of_what_is_cut_at_its_range_is_read_from_the_other_side():
     assert spread(0.9, 0.9 - 0.1645, top) == pytest.approx(0.1, rel=1e-3)
     assert spread(0.1, 0.0, 0.1 + 0.329) == pytest.approx(0.2, rel=1e-3)
     assert spread(0.5, 0.0, top) == spread(1.6, top, top) == width
+
+
 
 
 def test_planned_readings_are_those_that_would_be_judged():

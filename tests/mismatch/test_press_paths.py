@@ -65,7 +65,8 @@ def observations():
     )
 
 
-def test_every_reading_is_at_its_own_site_depth_and_phase():
+def test_every_reading_has_its_place_and_presses_alike_in_time_are_solved_once():
+    # Every reading is at its own site depth and phase
     found = observations()
     runs = runs_of(found)
     for row, way, step, number, back in zip(
@@ -85,9 +86,7 @@ def test_every_reading_is_at_its_own_site_depth_and_phase():
         read = found.table.loc[found.table["site"] == site, "depth_mm"]
         assert planned.depths_mm == tuple(np.unique(read)) and not planned.phases
 
-
-def test_presses_alike_in_time_are_solved_once_unless_the_sensor_remembers():
-    found = observations()
+    # Presses alike in time are solved once unless the sensor remembers
     once, each = (timed_runs_of(found, 0.25, path_dependent) for path_dependent in (False, True))
     assert len(once.trajectories) == 4 and len(each.trajectories) == 5  # p0 and p4 are alike
     for runs in (once, each):
@@ -97,6 +96,8 @@ def test_presses_alike_in_time_are_solved_once_unless_the_sensor_remembers():
             assert abs(path.times_s[step] - row.press_time_s) < 0.02
             assert np.all(np.diff(path.times_s) > 0)
             assert np.abs(np.diff([0.0, *path.depths_mm])).max() <= 0.25 + 1e-9
+
+
 
 
 def test_what_has_a_place_is_solved_only_where_it_is_felt():

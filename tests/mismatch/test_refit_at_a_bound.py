@@ -28,8 +28,9 @@ def test_the_evidence_of_one_sign_is_exact(amount):
     assert fit.amounts[0][0] >= 0 and (amount >= 0 or fit.amounts[0][0] < 1e-3)
 
 
-def test_what_a_bound_holds_back_leaves_the_others_where_they_fit_best_beside_it():
-    """A compliance that the readings ask for below zero is held at none; the slope of the rest is none there."""
+def test_what_a_bound_holds_back_is_reached_within_the_physical_range():
+    # What a bound holds back leaves the others where they fit best beside it. A compliance that the readings ask
+    # for below zero is held at none; the slope of the rest is none there
     base = artificial.context(51, per_side=3)
     both = CATALOGUE["frame_compliance"].to_forces(base, {}, base.force, [-0.1])
     both = CATALOGUE["skin_stiffness"].to_forces(base, {}, both, [0.3])
@@ -48,10 +49,8 @@ def test_what_a_bound_holds_back_leaves_the_others_where_they_fit_best_beside_it
     sd = np.sqrt(np.diag(fit.spread))
     assert slope[held] < 0 and np.abs(slope * sd)[np.logical_not(held)] < 0.05
 
-
-def test_all_that_there_can_be_is_reached_and_physical():
-    """A bond that reads as lost four times over is lost: no amount below that, and no refusal."""
-    base = artificial.context(51, per_side=3)
+    # All that there can be is reached and physical. A bond that reads as lost four times over is lost: no amount
+    # below that, and no refusal
     problem = problem_of(artificial.with_effect(base, "wall_gap", [4.0], np.random.default_rng(52)))
     every = np.ones(len(problem.labels), bool)
     (own,) = (c for c in problem.candidates if c.name == "wall_gap")
@@ -60,10 +59,13 @@ def test_all_that_there_can_be_is_reached_and_physical():
     assert fit.amounts[0] == [1.0] and fit.converged
     assert CATALOGUE["wall_gap"].in_range(fit.amounts[0])
 
-
-def test_intervals_stay_in_the_physical_range():
+    # Intervals stay in the physical range
     compliance, turn = CATALOGUE["frame_compliance"].parameters[0], CATALOGUE["yaw"].parameters[0]
     assert interval(compliance, 0.0, 0.1) == (0.0, pytest.approx(0.1645, abs=1e-4))
     assert interval(compliance, 0.3, 0.1)[0] == pytest.approx(0.3 - 0.1645, abs=1e-4)
     assert interval(compliance, compliance.bounds[1], 0.1)[1] == compliance.bounds[1]
     assert interval(turn, 0.0, 1.0)[0] == pytest.approx(-1.645, abs=1e-3)
+
+
+
+

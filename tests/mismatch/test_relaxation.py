@@ -9,8 +9,9 @@ from gelforge.mismatch.material.material_effects import LONGEST_STEP, flow, here
 RATES = np.array([1e-3, 0.1, 3.0])
 
 
-def test_a_hold_relaxes_and_a_ramp_flows_as_the_closed_forms_do():
-    """tanh(y / 2) decays exponentially, from whatever stress a fast strain has left."""
+def test_holds_ramps_and_stress_relax_as_closed_forms_and_integrators_do():
+    # A hold relaxes and a ramp flows as the closed forms do. tanh(y / 2) decays exponentially, from whatever stress
+    # a fast strain has left
     t = np.r_[0.0, np.geomspace(1e-3, 1e3, 40)]
     found = flow(t, np.full(len(t), 0.3), 0.0, np.full(3, 0.1), RATES)
     expected = 2 * np.arctanh(np.tanh(1.5) * np.exp(-RATES * t[:, None]))
@@ -23,12 +24,7 @@ def test_a_hold_relaxes_and_a_ramp_flows_as_the_closed_forms_do():
     # the splitting's error of a steady state: (its step of strain)^2 / 12 at most
     np.testing.assert_allclose(found, expected, atol=LONGEST_STEP**2)
 
-
-def _speed(t):
-    return np.interp(t, [0, 2, 2, 6, 6, 8, 8, 10], np.repeat([0.2, 0, -0.15, 0.075], 2))
-
-
-def test_beside_an_integrator_from_outside():
+    # Beside an integrator from outside
     t = np.linspace(0, 10, 200)
     strain = np.interp(t, [0, 2, 6, 8, 10], [0, 0.4, 0.4, 0.1, 0.25])
     found = flow(t, strain, 0.0, np.full(3, 0.1), RATES)
@@ -39,8 +35,7 @@ def test_beside_an_integrator_from_outside():
         )  # fmt: skip
         np.testing.assert_allclose(found[:, k], solved.y[0], atol=0.01)
 
-
-def test_little_stress_is_a_maxwell_element_and_much_stays_finite():
+    # Little stress is a maxwell element and much stays finite
     t = np.linspace(0, 10, 300)
     strain = 1e-3 * np.sin(t)
     found = flow(t, strain, 0.0, np.ones(3), RATES)
@@ -49,6 +44,14 @@ def test_little_stress_is_a_maxwell_element_and_much_stays_finite():
     # A stress far beyond the flow stress stays finite
     found = flow(np.array([0.0, 1.0]), np.array([0.0, 500.0]), 0.0, np.ones(1), np.array([1e-8]))
     assert found[-1, 0] == pytest.approx(np.arcsinh(500 / 1e-8), abs=LONGEST_STEP**2)
+
+
+def _speed(t):
+    return np.interp(t, [0, 2, 2, 6, 6, 8, 8, 10], np.repeat([0.2, 0, -0.15, 0.075], 2))
+
+
+
+
 
 
 @pytest.mark.parametrize("steps", [2, 7])

@@ -43,7 +43,8 @@ def test_global_p_is_uniform_without_a_mismatch_as_a_bootstrap_finds(recording, 
     assert 0.02 < tested.p < 0.98  # else the two would agree at an end of the range whatever they do
 
 
-def test_scan_is_calibrated_without_a_mismatch(recording, nulls):
+def test_scan_is_calibrated_and_what_was_fitted_neither_helps_nor_harms(recording, nulls):
+    # Scan is calibrated without a mismatch
     _, _, covariance, atoms = recording
     white = covariance.whiten(nulls)
     p = [scan(r, atoms, np.random.default_rng(k), draws=300).p for k, r in enumerate(white.T)]
@@ -51,9 +52,8 @@ def test_scan_is_calibrated_without_a_mismatch(recording, nulls):
     alarms = np.sum(np.array(p) < 0.025)
     assert alarms <= binom.ppf(0.999, NULLS, 0.025)
 
-
-def test_what_was_fitted_neither_helps_nor_harms(recording, nulls):
-    """Adequacy of a model with fitted amounts: uniform p again, of the global test and of the scan."""
+    # What was fitted neither helps nor harms. Adequacy of a model with fitted amounts: uniform p again, of the
+    # global test and of the scan
     labels, base, covariance, _ = recording
     time = (labels["time_s"] / labels["time_s"].max()).to_numpy()
     J = np.column_stack([base, base * time, *[time * (labels["axis"] == k) for k in range(3)]])
@@ -70,11 +70,14 @@ def test_what_was_fitted_neither_helps_nor_harms(recording, nulls):
     assert global_test(r, covariance, np.column_stack([J, J])).degrees == len(r) - 5
 
 
+
+
 REPEATS, RECORDINGS = 60, 60
 
 
-def test_noise_that_was_estimated_is_not_taken_as_known(recording):
-    """Variances estimated from 60 repeats err by 18 %: taken as known they give two to ten times the alarms."""
+def test_noise_that_was_estimated_and_heavy_tails_do_not_raise_the_global_test(recording):
+    # Noise that was estimated is not taken as known. Variances estimated from 60 repeats err by 18 %: taken as
+    # known they give two to ten times the alarms
     labels, _, known, _ = recording
     rng, axis = np.random.default_rng(13), labels["axis"].to_numpy()
     base = recording[1]
@@ -96,9 +99,8 @@ def test_noise_that_was_estimated_is_not_taken_as_known(recording):
     assert np.all(alarms["estimated"] <= binom.ppf(0.999, RECORDINGS, 0.05) / RECORDINGS)
     assert np.all(alarms["taken as known"] > alarms["estimated"])
 
-
-def test_heavy_tails_do_not_raise_the_global_test(recording):
-    """Student's t with 5 degrees: squares vary four times as much as a normal draw's, 1 + 6 / 2."""
+    # Heavy tails do not raise the global test. Student's t with 5 degrees: squares vary four times as much as a
+    # normal draw's, 1 + 6 / 2
     n, rng = 1200, np.random.default_rng(14)
     group = np.zeros(n, int)
     drawn = rng.standard_t(5, (400, n)) * np.sqrt(3 / 5)
@@ -113,6 +115,8 @@ def test_heavy_tails_do_not_raise_the_global_test(recording):
     }
     assert np.mean(np.array(p[4.0]) < 0.05) < 0.08  # 400 draws: two and a half standard errors
     assert np.mean(np.array(p[1.0]) < 0.05) > 0.12  # taken as normal
+
+
 
 
 def bump(labels, base, x, y):
@@ -144,7 +148,8 @@ def test_what_is_planted_is_found(recording, kind):
     assert found.best.snr > 5
 
 
-def test_bumps_and_steps_are_placed_where_they_are(recording):
+def test_bumps_steps_and_patterns_are_placed_and_named_once(recording):
+    # Bumps and steps are placed where they are
     labels, base, covariance, atoms = recording
     r = bump(labels, base, 13.5, 18.5) + draws_of(covariance, np.random.default_rng(14), 1)[:, 0]
     best = scan(covariance.whiten(r), atoms, np.random.default_rng(0)).best
@@ -157,8 +162,7 @@ def test_bumps_and_steps_are_placed_where_they_are(recording):
     assert abs(best.region["time_s"][0] - 700) < length / 8  # steps are tried at eighths
     assert best.region["axis"] == "x"
 
-
-def test_patterns_are_named_once_and_need_a_stated_order(recording):
+    # Patterns are named once and need a stated order
     labels, base, _, _ = recording
     atoms = dictionary(labels, base)
     names = [one.name for one in atoms.patterns]
@@ -177,7 +181,10 @@ def test_patterns_are_named_once_and_need_a_stated_order(recording):
     ]
 
 
-def test_several_sessions_are_told_apart():
+
+
+def test_several_sessions_are_told_apart_and_of_one_site_nothing_is_said():
+    # Several sessions are told apart
     context = readings(grid(3), sessions=2)
     labels, base = context.observations.labels(), flat_base(context)
     covariance = covariance_of(context)
@@ -191,8 +198,7 @@ def test_several_sessions_are_told_apart():
         "history",
     }  # age goes with it
 
-
-def test_one_site_can_be_scanned_and_nothing_is_said():
+    # One site can be scanned and nothing is said
     context = readings(grid(1), depths=(1.0,))
     labels, base = context.observations.labels(), flat_base(context)
     covariance = covariance_of(context)
@@ -214,3 +220,5 @@ def test_one_site_can_be_scanned_and_nothing_is_said():
             replace(atoms, values=0 * atoms.values),
             np.random.default_rng(0),
         )
+
+

@@ -184,7 +184,8 @@ def test_intervals_cover(world):
     assert binom.ppf(0.001, count, 0.9) <= inside <= binom.ppf(0.999, count, 0.9)
 
 
-def test_shapes_are_averaged_and_the_best_is_kept(world):
+def test_shapes_and_scales_are_averaged_and_the_best_is_kept(world):
+    # Shapes are averaged and the best is kept
     covariance, candidates = world
     bumps = [c for c in candidates if c.name == "inclusion"]
     rng = RNG(7)
@@ -195,8 +196,39 @@ def test_shapes_are_averaged_and_the_best_is_kept(world):
     assert judged.log_bayes_factor == pytest.approx(np.log(np.mean(np.exp(np.array(single)))))
     assert judged.best_log_bayes_factor == pytest.approx(max(single))
 
+    # Scales of plausible amounts are averaged. A small amount is met by a small scale, and one effect is no
+    # likelier for having several
+    drift = candidates[4]
+    r = drift.columns @ (0.02 * np.ones(3)) + draws_of(covariance, RNG(16), 1)[:, 0]
+    judged = screened(r, covariance, [drift])[0]
+    alone = [screened(r, covariance, [drift], scales=(scale,))[0] for scale in SCALES]
+    factors = np.array([one.log_bayes_factor for one in alone])
+    assert judged.log_bayes_factor == pytest.approx(
+        np.log(np.mean(np.exp(factors - factors.max()))) + factors.max()
+    )
+    assert_allclose(judged.amounts, alone[int(factors.argmax())].amounts)
+    assert judged.plausible_snr == pytest.approx(alone[0].plausible_snr)
 
-def test_a_switch_is_one_or_absent_and_snr_is_that_of_the_change(world):
+
+
+
+def test_a_wrong_sign_names_nothing_and_no_change_neither_proves_nor_refutes(world):
+    # The wrong sign names nothing. A spring with negative compliance would explain the residual; it is unphysical
+    # and falls behind no effect
+    covariance, candidates = world
+    spring = next(c for c in candidates if c.name == "frame_compliance")
+    r = -0.3 * spring.columns[:, 0] + draws_of(covariance, RNG(11), 1)[:, 0]
+    free = Candidate("free", {}, spring.columns, spring.prior_sd, np.zeros(1, int))
+    found = {judged.name: judged for judged in screened(r, covariance, [spring, free])}
+    assert found["free"].log_bayes_factor > 5 and found["free"].amounts[0] < 0
+    assert found["frame_compliance"].log_bayes_factor < 0 and found["frame_compliance"].amounts[0] >= 0
+
+    # An effect that changes nothing is neither proved nor refuted
+    covariance, _ = world
+    nothing = Candidate("nothing", {}, np.zeros((len(covariance), 1)), np.ones(1), np.zeros(1, int))
+    assert screened(draws_of(covariance, RNG(14), 1)[:, 0], covariance, [nothing])[0].log_bayes_factor == 0
+
+    # A switch is one or absent and snr is that of the change
     covariance, candidates = world
     binary = candidates[-1]
     d = binary.columns[:, 0]
@@ -216,17 +248,6 @@ def test_a_switch_is_one_or_absent_and_snr_is_that_of_the_change(world):
     assert judged.plausible_snr == pytest.approx(
         np.sqrt(np.mean(np.sum(covariance.whiten(random) ** 2, axis=0))), rel=0.05
     )
-
-
-def test_the_wrong_sign_names_nothing(world):
-    """A spring with negative compliance would explain the residual; it is unphysical and falls behind no effect."""
-    covariance, candidates = world
-    spring = next(c for c in candidates if c.name == "frame_compliance")
-    r = -0.3 * spring.columns[:, 0] + draws_of(covariance, RNG(11), 1)[:, 0]
-    free = Candidate("free", {}, spring.columns, spring.prior_sd, np.zeros(1, int))
-    found = {judged.name: judged for judged in screened(r, covariance, [spring, free])}
-    assert found["free"].log_bayes_factor > 5 and found["free"].amounts[0] < 0
-    assert found["frame_compliance"].log_bayes_factor < 0 and found["frame_compliance"].amounts[0] >= 0
 
 
 def together(r, covariance, *parts):
@@ -265,25 +286,8 @@ def test_two_effects_are_taken_for_two_and_one_for_one(world):
             assert pair.log_bayes_factor < single[0].log_bayes_factor + dearer
 
 
-def test_an_effect_that_changes_nothing_is_neither_proved_nor_refuted(world):
-    covariance, _ = world
-    nothing = Candidate("nothing", {}, np.zeros((len(covariance), 1)), np.ones(1), np.zeros(1, int))
-    assert screened(draws_of(covariance, RNG(14), 1)[:, 0], covariance, [nothing])[0].log_bayes_factor == 0
 
 
-def test_scales_of_plausible_amounts_are_averaged(world):
-    """A small amount is met by a small scale, and one effect is no likelier for having several."""
-    covariance, candidates = world
-    drift = candidates[4]
-    r = drift.columns @ (0.02 * np.ones(3)) + draws_of(covariance, RNG(16), 1)[:, 0]
-    judged = screened(r, covariance, [drift])[0]
-    alone = [screened(r, covariance, [drift], scales=(scale,))[0] for scale in SCALES]
-    factors = np.array([one.log_bayes_factor for one in alone])
-    assert judged.log_bayes_factor == pytest.approx(
-        np.log(np.mean(np.exp(factors - factors.max()))) + factors.max()
-    )
-    assert_allclose(judged.amounts, alone[int(factors.argmax())].amounts)
-    assert judged.plausible_snr == pytest.approx(alone[0].plausible_snr)
 
 
 def test_errors_of_a_change_and_switches_are_judged_together(world):

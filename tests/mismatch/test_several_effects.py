@@ -59,8 +59,9 @@ def linear(patterns):
     return lambda amounts: sum(a * np.array(patterns[name]) for name, a in amounts.items())
 
 
-def test_one_effect_that_stands_for_a_pair_is_not_sure():
-    """Two effects together look like a third but for 2.6 standard deviations: it is adequate, and as likely as they are."""
+def test_one_effect_that_stands_for_a_pair_is_not_sure_and_a_curved_one_is_no_second():
+    # One effect that stands for a pair is not sure. Two effects together look like a third but for 2.6 standard
+    # deviations: it is adequate, and as likely as they are
     patterns = {
         "gel_stiffness": [1, 0, 0],
         "wall_stiffness": [0, 1, 0],
@@ -77,9 +78,8 @@ def test_one_effect_that_stands_for_a_pair_is_not_sure():
         if name in chance:
             assert chance[name] < 1 - 0.5 * other
 
-
-def test_what_a_curved_effect_does_is_no_second_effect():
-    """At its fitted amount it also does what another effect would; the linear change alone would ask for that one too."""
+    # What a curved effect does is no second effect. At its fitted amount it also does what another effect would;
+    # the linear change alone would ask for that one too
     patterns = {"gel_stiffness": [1, 0, 0], "wall_stiffness": [0, 1, 0], "skin_stiffness": [0, 0, 1]}
 
     def curved(amounts):
@@ -92,8 +92,11 @@ def test_what_a_curved_effect_does_is_no_second_effect():
     assert [group.members for group in found.answer.sure] == [["gel_stiffness"]]
 
 
-def test_what_is_solved_in_order_is_solved_at_the_end_of_a_fit_and_for_the_answer():
-    """A softening gel next to a wall: fits take its change for linear, as each solution follows all presses anew."""
+
+
+def test_the_largest_effect_is_fitted_first_and_orders_are_solved_at_the_end():
+    # What is solved in order is solved at the end of a fit and for the answer. A softening gel next to a wall: fits
+    # take its change for linear, as each solution follows all presses anew
     patterns = {"mullins": [1, 0, 0], "wall_stiffness": [0, 1, 0], "skin_stiffness": [0, 0, 1]}
     problem, solved = patterned(patterns, linear(patterns), [0.2, 0.2, 0.0])
     found = judge(problem, SETTINGS, seed=1).answer
@@ -102,9 +105,8 @@ def test_what_is_solved_in_order_is_solved_at_the_end_of_a_fit_and_for_the_answe
     amounts = dict(zip((part.name for part in found.fit.parts), found.fit.amounts))
     assert amounts["mullins"] == pytest.approx(0.2, abs=0.03)  # its noise is 0.01
 
-
-def test_the_largest_effect_is_fitted_alone_first():
-    """Its curvature looks like a second effect to the linear pass, which has it next to 60 standard deviations of change."""
+    # The largest effect is fitted alone first. Its curvature looks like a second effect to the linear pass, which
+    # has it next to 60 standard deviations of change
     patterns = {"gel_stiffness": (1, 0, 0), "friction": (0, 0.5, 0.5), "skin_stiffness": (0, 0, 1)}
 
     def curved(amounts):
@@ -119,3 +121,5 @@ def test_the_largest_effect_is_fitted_alone_first():
     found = fitted(problem, posterior, lambda again: posterior_of(again, kernels))
     assert set(solved[0]) == {"gel_stiffness"}
     assert found.mode == {"gel_stiffness"}
+
+

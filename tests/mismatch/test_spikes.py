@@ -33,7 +33,8 @@ def strong(name):
     return artificial.with_effect(base, name, amounts, np.random.default_rng(12))
 
 
-def test_how_far_is_what_the_other_readings_say_of_one():
+def test_how_far_is_what_others_say_and_a_struck_reading_is_found_beside_an_effect():
+    # How far is what the other readings say of one
     problem = problem_of(struck(12.0, [(200, 2)]))
     found = spikes(problem)
     ((entry, away),) = found.items()
@@ -43,6 +44,11 @@ def test_how_far_is_what_the_other_readings_say_of_one():
     weights = np.linalg.solve(C[np.ix_(others, others)], C[others, entry])
     expected = (r[entry] - weights @ r[others]) / np.sqrt(C[entry, entry] - weights @ C[others, entry])
     assert away == pytest.approx(expected, rel=1e-3)  # C is an inverse of an inverse
+
+    # A struck reading is found beside a strong effect
+    assert np.argwhere(~calmed(struck(15.0, [(200, 2)], context=strong("gel_stiffness"))).read).tolist() == [
+        [200, 2]
+    ]
 
 
 @pytest.mark.parametrize(("reading", "axis"), [(40, 0), (200, 2), (301, 1)])
@@ -57,10 +63,6 @@ def test_a_struck_reading_is_set_aside_and_told(reading, axis):
     assert np.array_equal(calm.force[calm.read], context.observations.force[calm.read])
 
 
-def test_a_struck_reading_is_found_beside_a_strong_effect():
-    assert np.argwhere(~calmed(struck(15.0, [(200, 2)], context=strong("gel_stiffness"))).read).tolist() == [
-        [200, 2]
-    ]
 
 
 @pytest.mark.thorough(but_first=2)

@@ -174,19 +174,46 @@ def observed(folder):
     return observe([folder], small().sensor)
 
 
-def test_a_dead_axis_is_left_out_and_told(session, tmp_path):
-    found = observed(changed(session, tmp_path, lambda t: t.assign(fx_N=0.0)))
+def test_a_dead_axis_a_far_reading_and_missing_repeats_are_told(session, tmp_path):
+    # A dead axis is left out and told
+    dead = tmp_path / "dead"
+    dead.mkdir()
+    found = observed(changed(session, dead, lambda t: t.assign(fx_N=0.0)))
     assert not found.read[:, 0].any() and found.read[:, 1:].all()
     assert any("Fx never changes" in said for said in found.cannot_know)
 
+    # Missing repeats and unloading are told
+    missing = tmp_path / "missing"
+    missing.mkdir()
+    said = observed(session).cannot_know
+    assert any("two indentations to one depth" in s for s in said) and any(
+        "during unloading" in s for s in said
+    )
+    once = changed(session, missing, lambda t: t[t["phase"] != "dwell"].drop_duplicates(["press", "phase"]))
+    assert any("repeated readings" in s for s in observed(once).cannot_know)
 
-def test_raster_order_is_told(tmp_path):
+    # A reading far off is left out. By the tests of a session, before anything is judged; what they cannot see is
+    # held out by its residual
+    far = tmp_path / "far"
+    far.mkdir()
+
+    def spoil(table):
+        row = table.index[table["phase"] == "dwell"][7]
+        table.loc[row, "fz_N"] -= 1.0
+        return table
+
+    found = observed(changed(session, far, spoil))
+    assert not found.set_aside
+    assert len(found.table) == len(observed(session).table) - 1
+
+
+def test_the_stage_s_moves_and_its_raster_order_are_told(tmp_path, session):
+    # Raster order is told
     folder = record(tmp_path / "raster", small(), specimens.STUDY_LAWS, sites=sorted(SITES), order=range(18))
     assert any("raster order" in said for said in observed(folder).cannot_know)
 
-
-def test_the_stage_s_moves_are_known_from_the_presses_before(session):
-    """Of all presses, whether they are judged or not; an axis that did not move keeps its last move."""
+    # The stage s moves are known from the presses before. Of all presses, whether they are judged or not; an axis
+    # that did not move keeps its last move
     found = observed(session)
     at = pd.read_csv(session / "indentations.csv").groupby("press", sort=False)[["x_mm", "y_mm"]].first()
     signs = np.sign(np.diff(at.to_numpy(), axis=0, prepend=at.to_numpy()[:1]))
@@ -197,13 +224,8 @@ def test_the_stage_s_moves_are_known_from_the_presses_before(session):
     assert set(np.unique(signs)) == {-1.0, 0.0, 1.0}
 
 
-def test_missing_repeats_and_unloading_are_told(session, tmp_path):
-    said = observed(session).cannot_know
-    assert any("two indentations to one depth" in s for s in said) and any(
-        "during unloading" in s for s in said
-    )
-    once = changed(session, tmp_path, lambda t: t[t["phase"] != "dwell"].drop_duplicates(["press", "phase"]))
-    assert any("repeated readings" in s for s in observed(once).cannot_know)
+
+
 
 
 @pytest.mark.parametrize(
@@ -221,23 +243,33 @@ def test_recordings_that_cannot_be_judged_are_refused_with_a_remedy(session, tmp
         observed(changed(session, tmp_path, change))
 
 
-def test_a_reading_far_off_is_left_out(session, tmp_path):
-    """By the tests of a session, before anything is judged; what they cannot see is held out by its residual."""
-
-    def spoil(table):
-        row = table.index[table["phase"] == "dwell"][7]
-        table.loc[row, "fz_N"] -= 1.0
-        return table
-
-    found = observed(changed(session, tmp_path, spoil))
-    assert not found.set_aside
-    assert len(found.table) == len(observed(session).table) - 1
 
 
-def test_another_indenter_than_the_study_describes_is_refused(session, tmp_path):
-    folder = changed(session, tmp_path, lambda t: t, "indenter: ball of radius 2 mm\n")
+def test_sessions_in_a_folder_are_found_and_another_indenter_is_refused(session, tmp_path):
+    # Another indenter than the study describes is refused
+    indenter = tmp_path / "indenter"
+    indenter.mkdir()
+    folder = changed(session, indenter, lambda t: t, "indenter: ball of radius 2 mm\n")
     with pytest.raises(ConfigError, match="give the study"):
         check_matches([folder], small())
+
+    # Sessions are found in a folder of recordings
+    sessions = tmp_path / "sessions"
+    sessions.mkdir()
+    (sessions / "recordings").mkdir()
+    folder = changed(session, sessions / "recordings", lambda t: t)
+    assert (
+        session_folders(sessions)
+        == session_folders(sessions / "recordings")
+        == session_folders(folder)
+        == [folder]
+    )
+    assert session_folders(sessions, [folder.name, "absent"]) == [folder]
+    with pytest.raises(ConfigError, match="no session"):
+        session_folders(sessions, ["absent"])
+    (sessions / "empty").mkdir()
+    with pytest.raises(ConfigError, match="no session"):
+        session_folders(sessions / "empty")
 
 
 def fits_but_not_at(times, remedy, session, tmp_path, words):
@@ -280,21 +312,6 @@ def test_an_effect_left_out_that_there_is_not_is_refused():
     assert "yaw" not in effects_of_forces(small(mismatch={"leave_out": ["yaw"]}))
 
 
-def test_sessions_are_found_in_a_folder_of_recordings(session, tmp_path):
-    (tmp_path / "recordings").mkdir()
-    folder = changed(session, tmp_path / "recordings", lambda t: t)
-    assert (
-        session_folders(tmp_path)
-        == session_folders(tmp_path / "recordings")
-        == session_folders(folder)
-        == [folder]
-    )
-    assert session_folders(tmp_path, [folder.name, "absent"]) == [folder]
-    with pytest.raises(ConfigError, match="no session"):
-        session_folders(tmp_path, ["absent"])
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(ConfigError, match="no session"):
-        session_folders(tmp_path / "empty")
 
 
 def test_a_recording_is_read_once(session, kept, tmp_path, monkeypatch):

@@ -77,10 +77,24 @@ def test_what_scales_all_forces_is_alike(base):
     assert cosines_of(base, "gel_stiffness", "indenter_radius")[0, 1] > 0.85
 
 
-def test_what_bends_the_curve_is_alike(base):
-    """A spring, compressibility and a stiffening law change the share of the deep readings alike, whatever their signs."""
+def test_what_bends_the_curve_is_alike_and_ageing_in_raster_order_a_gradient(base):
+    # What bends the curve is alike. A spring, compressibility and a stiffening law change the share of the deep
+    # readings alike, whatever their signs
     found = cosines_of(base, "frame_compliance", "compressibility", "law_exponent")
     assert np.abs(found).min() > INDISTINGUISHABLE
+
+    # In raster order ageing is a thickness gradient
+    raster, mixed, watched = orders(base)
+    assert -1 < ageing_against_gradient(base, raster, [Z]) < -0.9  # -0.95 by the design
+    random, sentinel = (
+        np.mean([abs(ageing_against_gradient(base, own, [Z])) for own in some]) for some in (mixed, watched)
+    )
+    assert sentinel < random < 0.2  # of 50 presses in random order two patterns are 1 / sqrt(50) = 0.14 alike
+
+    # Sideways forces part ageing from a gradient. A slope of the top pushes the ball aside, which no age of the gel
+    # does: the trap is one of Fz alone
+    raster, *_ = orders(base)
+    assert abs(ageing_against_gradient(base, raster, [0, 1, 2])) < 0.3
 
 
 def path_dependent(base, presses, axes):
@@ -116,16 +130,5 @@ def orders(base, draws=20):
     return raster, mixed, watched
 
 
-def test_in_raster_order_ageing_is_a_thickness_gradient(base):
-    raster, mixed, watched = orders(base)
-    assert -1 < ageing_against_gradient(base, raster, [Z]) < -0.9  # -0.95 by the design
-    random, sentinel = (
-        np.mean([abs(ageing_against_gradient(base, own, [Z])) for own in some]) for some in (mixed, watched)
-    )
-    assert sentinel < random < 0.2  # of 50 presses in random order two patterns are 1 / sqrt(50) = 0.14 alike
 
 
-def test_sideways_forces_part_ageing_from_a_gradient(base):
-    """A slope of the top pushes the ball aside, which no age of the gel does: the trap is one of Fz alone."""
-    raster, *_ = orders(base)
-    assert abs(ageing_against_gradient(base, raster, [0, 1, 2])) < 0.3

@@ -31,7 +31,8 @@ def displaced(seed=7, size_mm=0.8):
     return artificial.read(base, forces, rng)
 
 
-def test_cosines_are_a_random_function_of_unit_size_that_is_smooth():
+def test_cosines_are_smooth_and_each_manner_is_as_large_as_is_plausible():
+    # Cosines are a random function of unit size that is smooth
     values = np.linspace(3.0, 7.0, 4001)
     K = modes(values, 40) @ modes(values, 40).T
     assert_allclose(np.mean(np.diag(K)), 1.0, rtol=2e-3)  # 4001 points: the ends count once too often
@@ -39,8 +40,7 @@ def test_cosines_are_a_random_function_of_unit_size_that_is_smooth():
     assert alike[100] > 0.99 and alike[4000] < 0.5  # a fortieth of the range away, and the other end
     assert np.array_equal(modes(np.full(5, 2.0), 6), np.ones((5, 1)))
 
-
-def test_each_manner_adds_the_product_of_its_directions():
+    # Each manner adds the product of its directions
     problem = problem_of(artificial.context(3, per_side=3))
     rows = np.random.default_rng(1).permutation(len(problem.labels))[:150]
     mask = np.isin(np.arange(len(problem.labels)), rows)
@@ -56,10 +56,8 @@ def test_each_manner_adds_the_product_of_its_directions():
         assert_allclose(dense @ inverse, eye, atol=1e-5)
         assert wider.log_det == pytest.approx(np.linalg.slogdet(dense)[1], abs=1e-5)
 
-
-def test_a_manner_is_as_large_as_is_plausible():
-    """The pressing force differs by PLAUSIBLE of itself, root mean square, whatever the coordinate."""
-    problem = problem_of(artificial.context(3, per_side=3))
+    # A manner is as large as is plausible. The pressing force differs by PLAUSIBLE of itself, root mean square,
+    # whatever the coordinate
     z = (problem.labels["axis"] == 2).to_numpy()
     F = problem.observations.flat(problem.base)
     sizes = {
@@ -72,6 +70,10 @@ def test_a_manner_is_as_large_as_is_plausible():
         "along an indentation's path",
     }  # fmt: skip
     assert all(0.5 * PLAUSIBLE < size < 1.5 * PLAUSIBLE for size in sizes.values()), sizes
+
+
+
+
 
 
 @pytest.mark.thorough

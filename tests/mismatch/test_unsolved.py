@@ -40,7 +40,8 @@ def solver(tmp_path_factory):
     return Solver(specimens.study(), specimens.STUDY_LAWS, {}, tmp_path_factory.mktemp("solves"))
 
 
-def test_of_a_press_that_went_too_deep_the_way_down_to_there_is_kept(solver):
+def test_a_press_too_deep_keeps_the_way_down_and_a_place_needs_readings(solver):
+    # Of a press that went too deep the way down to there is kept
     found = pressed((MIDDLE, [1.0, 2.0], [0.5]), (EDGE, [0.5, 1.0, 2.0], [0.5]), (EDGE, [0.5], [0.2]))
     image = (14.9, 8.0)  # what stands for both edges
     kept = without(solver, found, [Unsolved(*image, "its mesh", "it folds", beyond_mm=1.2)])
@@ -53,23 +54,26 @@ def test_of_a_press_that_went_too_deep_the_way_down_to_there_is_kept(solver):
     (told,) = kept.cannot_know
     assert "3 of 12 readings are not judged" in told and "beyond 1.2 mm on its mesh: it folds" in told
 
-
-def test_where_only_a_way_up_is_not_solved_the_way_down_stays(solver):
+    # Where only a way up is not solved the way down stays
     found = pressed((EDGE, [1.0, 2.0], [0.5]), (EDGE, [1.0], [0.5]))
     kept = without(solver, found, [Unsolved(14.9, 8.0, "its mesh", "it snaps", unloading_from_mm=2.0)])
     assert list(kept.table["phase"]) == ["load", "load", "dwell", "load", "dwell", "unload"]
     assert list(kept.table["deepest_mm"]) == [2.0] * 3 + [1.0] * 3
     assert "during unloading from 2 mm on its mesh: it snaps" in kept.cannot_know[0]
 
-
-def test_a_place_without_readings_is_no_place(solver):
+    # A place without readings is no place
     found = pressed((EDGE, [1.0], []), (MIDDLE, [1.0], []))
     kept = without(solver, found, [Unsolved(14.9, 8.0, "its mesh", "it folds", beyond_mm=0.5)])
     assert kept.sites.tolist() == [list(MIDDLE)] and list(kept.table["site"]) == [0, 0]
     assert list(kept.table["x_mm"]) == [8.0, 8.0]
 
 
-def test_readings_beyond_what_the_base_can_follow_are_left_out_at_mirror_images_too(solver):
+
+
+
+
+def test_readings_beyond_the_base_are_left_out_and_too_few_make_no_base(solver):
+    # Readings beyond what the base can follow are left out at mirror images too
     course = [0.5, 1.0, DEEP]
     found = pressed((EDGE, course, []), (MIDDLE, course, []), (MIRRORED, course, []))
     base = base_where_solved(solver, found, [])
@@ -82,15 +86,13 @@ def test_readings_beyond_what_the_base_can_follow_are_left_out_at_mirror_images_
     np.testing.assert_array_equal(base.floor, alone.floor)
     assert "at (14.9, 8) mm" in kept.cannot_know[0] and "4 of 12 readings" in kept.cannot_know[0]
 
-
-def test_a_base_that_follows_less_than_half_of_the_readings_is_none(solver):
+    # A base that follows less than half of the readings is none
     found = pressed((EDGE, [DEEP], []), (MIDDLE, [1.0], []), (MIRRORED, [DEEP], []))
     with pytest.raises(SolverFailed, match=r"at \(14.9, 8\) mm.* beyond .* 33% of the readings are left"):
         base_where_solved(solver, found, [])
 
-
-def test_of_a_gel_that_softens_no_press_may_be_missing(solver):
-    """Its own symmetry is none, as presses come in an order; what stopped is told all the same, and nothing goes on."""
+    # Of a gel that softens no press may be missing. Its own symmetry is none, as presses come in an order; what
+    # stopped is told all the same, and nothing goes on
     softening = {"mullins": {"gel": {"amount": 0.2, "m_kPa": 1.0}}}
     study = with_keys(solver.study, history=softening)
     found = pressed((EDGE, [0.5, DEEP], []), (MIDDLE, [0.5], []))
@@ -98,7 +100,12 @@ def test_of_a_gel_that_softens_no_press_may_be_missing(solver):
         base_where_solved(replace(solver, study=study), found, [])
 
 
-def test_what_stopped_is_not_solved_again(solver, monkeypatch):
+
+
+
+
+def test_what_stopped_or_failed_is_not_solved_again(solver, monkeypatch):
+    # What stopped is not solved again
     found = pressed((EDGE, [0.5, 1.0, DEEP], []), (MIDDLE, [0.5, 1.0, DEEP], []))
     first = base_where_solved(solver, found, [])
     monkeypatch.setattr(solutions, "simulate_cell", None)
@@ -106,11 +113,12 @@ def test_what_stopped_is_not_solved_again(solver, monkeypatch):
     np.testing.assert_array_equal(first.context.force, again.context.force)
     assert again.context.observations.cannot_know == first.context.observations.cannot_know
 
-
-def test_a_failure_without_a_place_ends_the_verdict(solver, monkeypatch):
+    # A failure without a place ends the verdict
     def nowhere(*_):
         raise SolverFailed("the nominal model, followed in the time of the readings, does not converge")
 
     monkeypatch.setattr(nominal, "base_of", nowhere)
     with pytest.raises(SolverFailed, match="in the time of the readings"):
         base_where_solved(solver, pressed((MIDDLE, [0.5], [])), [])
+
+

@@ -79,7 +79,8 @@ def content(**keys) -> dict:
     } | keys
 
 
-def test_the_schema_is_current_and_says_what_every_key_is():
+def test_the_schema_is_current_and_each_state_has_its_form():
+    # The schema is current and says what every key is
     assert json.loads(Path("config/verdict_schema.json").read_text()) == schema()
 
     # Every key says what it is and numbers their unit
@@ -90,6 +91,30 @@ def test_the_schema_is_current_and_says_what_every_key_is():
             kinds = {described.get("type")} | {option.get("type") for option in described.get("anyOf", [])}
             if kinds & {"number", "integer"} and key != "seed":
                 assert "[" in described["description"], f"{name}.{key} names no unit"
+
+    # Each state has its form and no further condition
+    for state in ("consistent", "inconclusive", "unexplained"):
+        assert Verdict.model_validate(content(state=state, answer=[])).state == state
+    unsure = [{"members": ["gel_stiffness"], "alternatives": ["friction"], "probability": 0.6}]
+    assert Verdict.model_validate(content(state="ambiguous", answer=unsure)).answer[0].names == [
+        "gel_stiffness",
+        "friction",
+    ]
+    for state in ("unexplained", "inconclusive"):
+        assert Verdict.model_validate(content(state=state)).answer  # the leading explanation is kept
+
+    # Neither odds within a group nor the held out gain is a condition of a name
+    both = [{"members": ["gel_stiffness", "friction"], "probability": 0.95}]
+    fit = content()["fit"] | {"held_out": None}
+    assert Verdict.model_validate(content(answer=both, fit=fit)).identified
+
+    # What is not sure may stand next to what is
+    found = content(
+        answer=[
+            {"members": [name], "probability": p} for name, p in (("gel_stiffness", 0.97), ("friction", 0.6))
+        ]
+    )
+    assert [group.members for group in Verdict.model_validate(found).sure] == [["gel_stiffness"]]
 
 
 def test_a_verdict_comes_back_and_the_same_content_gives_the_same_bytes(tmp_path):
@@ -132,29 +157,6 @@ def test_a_verdict_cannot_say_more_than_its_numbers(keys, words):
     assert words in f"{where} {refused.value}"
 
 
-def test_each_state_has_its_form_and_no_further_condition():
-    for state in ("consistent", "inconclusive", "unexplained"):
-        assert Verdict.model_validate(content(state=state, answer=[])).state == state
-    unsure = [{"members": ["gel_stiffness"], "alternatives": ["friction"], "probability": 0.6}]
-    assert Verdict.model_validate(content(state="ambiguous", answer=unsure)).answer[0].names == [
-        "gel_stiffness",
-        "friction",
-    ]
-    for state in ("unexplained", "inconclusive"):
-        assert Verdict.model_validate(content(state=state)).answer  # the leading explanation is kept
-
-    # Neither odds within a group nor the held out gain is a condition of a name
-    both = [{"members": ["gel_stiffness", "friction"], "probability": 0.95}]
-    fit = content()["fit"] | {"held_out": None}
-    assert Verdict.model_validate(content(answer=both, fit=fit)).identified
-
-    # What is not sure may stand next to what is
-    found = content(
-        answer=[
-            {"members": [name], "probability": p} for name, p in (("gel_stiffness", 0.97), ("friction", 0.6))
-        ]
-    )
-    assert [group.members for group in Verdict.model_validate(found).sure] == [["gel_stiffness"]]
 
 
 @pytest.mark.parametrize(

@@ -59,17 +59,17 @@ def test_zero_rows_of_all_presses_show_noise_and_drift(drift, presses):
     assert trend - 1e-5 - 2 * walked < np.mean([one.trend for one in found]) < trend + 1e-5 + 3 * walked
 
 
-def test_the_degrees_of_freedom_are_those_of_the_estimate():
-    """A variance known with f degrees of freedom scatters by sqrt(2 / f) of itself; 300 of them know it to 8 %."""
+def test_estimates_have_their_degrees_of_freedom_and_few_zeros_keep_the_stated_noise():
+    # The degrees of freedom are those of the estimate. A variance known with f degrees of freedom scatters by
+    # sqrt(2 / f) of itself; 300 of them know it to 8 %
     found = [zeros_together(recording(np.random.default_rng(k), 40, wander=2e-4)) for k in range(100)]
     variance = np.array([one.repeats.scatter**2 for one in found]) / SIGMA**2
     freedom = np.mean([one.repeats.freedom for one in found])
     assert variance.mean() == pytest.approx(1.0, abs=0.05)
     assert 2 / variance.var() == pytest.approx(freedom, rel=0.35)
 
-
-def test_heavy_tails_are_seen_in_them():
-    """A squared draw of Student's t with 5 varies four times as much as a normal one's; the fourth moment comes slowly."""
+    # Heavy tails are seen in them. A squared draw of Student's t with 5 varies four times as much as a normal
+    # one's; the fourth moment comes slowly
     for tails, low, high in ((False, 1.0, 1.3), (True, 1.5, 9.0)):
         one = recording(np.random.default_rng(5), 800, tails=tails)
         noise, rounding, (freedom, found), said = reading_noise(one, zeros_together(one).repeats)
@@ -77,8 +77,7 @@ def test_heavy_tails_are_seen_in_them():
         assert low <= found <= high and freedom > 400
         assert len(said) == 1 and "all indentations together" in said[0]
 
-
-def test_few_own_or_constant_zero_rows_leave_the_noise_to_what_is_stated():
+    # Few own or constant zero rows leave the noise to what is stated
     for zeros, together in ((1, True), (2, False), (3, False)):
         assert (zeros_together(recording(np.random.default_rng(0), zeros=zeros)) is not None) == together
     assert zeros_together(recording(np.random.default_rng(0), presses=LEAST_FREEDOM - 1)) is None
@@ -92,6 +91,10 @@ def test_few_own_or_constant_zero_rows_leave_the_noise_to_what_is_stated():
     one = recording(np.random.default_rng(0), step=1.0)
     noise, rounding, _, _ = reading_noise(one, zeros_together(one).repeats)
     assert noise == pytest.approx([0.1] * 3) and rounding == pytest.approx([1 / np.sqrt(12)] * 3)
+
+
+
+
 
 
 # ------------------------------------------------------------------------------------------------- in the covariance

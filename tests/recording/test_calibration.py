@@ -63,7 +63,8 @@ def straightened_apart(found, true, depth_mm=50.0):
     return np.linalg.norm(project(found, turn.apply(rays[1]))[0] - pixels, axis=-1)
 
 
-def test_a_drawn_lens_is_found(photographs):
+def test_a_drawn_lens_is_found_and_the_command_writes_what_a_session_takes(photographs, tmp_path, capsys):
+    # A drawn lens is found
     views = find_boards(photographs, BOARD)
     assert views.left_out["broken.png"].startswith("cannot be decoded")
     assert views.left_out["grey.png"] == "no board of 7 x 5 inner corners is seen whole"
@@ -74,8 +75,7 @@ def test_a_drawn_lens_is_found(photographs):
     apart = straightened_apart(found.camera, PINHOLE)
     assert np.sqrt((apart**2).mean()) < 0.1 and np.percentile(apart, 95) < 0.3
 
-
-def test_the_command_writes_what_a_session_takes(photographs, tmp_path, capsys):
+    # The command writes what a session takes
     out, picture = tmp_path / "camera.yaml", tmp_path / "calibration.png"
     command = ["calibrate-camera", str(photographs), "--board", "7x5", "--square-mm", "5", "--out", str(out)]
     assert main([*command, "--report", str(picture)]) == 0
@@ -104,17 +104,8 @@ def test_both_models_are_found_of_noisy_corners(model, true):
     assert_allclose(found.rms_px, 0.05 * np.sqrt(2), rtol=0.1)
 
 
-def test_a_mirrored_camera_calibrates_to_the_mirrored_description():
-    """Images as recorded, whoever flipped them: the result is in their pixels, with p2 of the other sign."""
-    seen = views_of(PINHOLE, BOARD)
-    flipped = [View(v.name, v.board, v.pixels * [-1, 1] + [319, 0]) for v in seen.seen]
-    one, other = (calibrate(Views(seen.size, v), BOARD) for v in (seen.seen, flipped))
-    assert_allclose(other.K[0, 2], 319 - one.K[0, 2], atol=1e-3)
-    assert_allclose(other.coefficients, one.coefficients * [1, 1, 1, -1, 1], atol=2e-5)
-    assert_allclose(other.rms_px, one.rms_px, rtol=1e-5)
-
-
-def test_standard_deviations_are_opencvs():
+def test_calibration_agrees_with_opencvs_deviations_and_of_mirrored_images():
+    # Standard deviations are opencvs
     views = views_of(PINHOLE, BOARD)
     objects = [v.board for v in views.seen]
     images = [v.pixels.astype(np.float32) for v in views.seen]
@@ -122,6 +113,15 @@ def test_standard_deviations_are_opencvs():
     found = calibrate(views, BOARD)
     own = intrinsics_sd("pinhole", views.seen, found.poses, K, k.ravel(), found.residuals())
     assert_allclose(own, sd.ravel()[:9], rtol=1e-3)
+
+    # A mirrored camera calibrates to the mirrored description. Images as recorded, whoever flipped them: the result
+    # is in their pixels, with p2 of the other sign
+    seen = views_of(PINHOLE, BOARD)
+    flipped = [View(v.name, v.board, v.pixels * [-1, 1] + [319, 0]) for v in seen.seen]
+    one, other = (calibrate(Views(seen.size, v), BOARD) for v in (seen.seen, flipped))
+    assert_allclose(other.K[0, 2], 319 - one.K[0, 2], atol=1e-3)
+    assert_allclose(other.coefficients, one.coefficients * [1, 1, 1, -1, 1], atol=2e-5)
+    assert_allclose(other.rms_px, one.rms_px, rtol=1e-5)
 
 
 @pytest.mark.parametrize("flip", [False, True])

@@ -73,11 +73,6 @@ def test_there_and_back(xy, z, turns, mirrored, flat):
     assert_allclose(unproject(camera, pixels, z), point, atol=1e-9)  # rounding of 40 mm over cos 30 deg
 
 
-def test_a_point_behind_the_camera_is_named():
-    with pytest.raises(CameraError, match=r"5 mm behind the camera"):
-        project(Camera(**PINHOLE), [[16, 16, -45]])
-
-
 # Lenses with what a wide-angle board camera has; fisheye as its calibration would give it.
 LENSES = {
     "pinhole": {"model": "pinhole", "coefficients": [-0.28, 0.09, 1e-3, -8e-4, -0.01]},
@@ -113,14 +108,20 @@ def test_every_pixel_there_and_back(lens, port):
     assert_allclose(project(camera, there)[0], pixels, atol=1e-9)  # Newton ends at rounding
 
 
-def test_a_mirrored_image_of_a_lens_has_the_mirrored_description():
-    """Flipping an image flips its principal point and the sign of p2; nothing else of the lens."""
+def test_a_mirrored_and_an_old_description_are_what_they_were():
+    # A mirrored image of a lens has the mirrored description. Flipping an image flips its principal point and the
+    # sign of p2; nothing else of the lens
     k = LENSES["pinhole"]["coefficients"]
     seen = Camera(**LENSED, mirrored=False, distortion=LENSES["pinhole"])
     flipped_lens = {"model": "pinhole", "coefficients": [k[0], k[1], k[2], -k[3], k[4]]}
     flipped = Camera(**(LENSED | {"centre_px": [639 - 321.0, 236.0]}), mirrored=True, distortion=flipped_lens)
     points = [[10, 12, 0], [20, 9, -3], [16, 25, -1]]
     assert_allclose(project(flipped, points)[0], project(seen, points)[0] * [-1, 1] + [639, 0], atol=1e-9)
+
+    # An old description is written as it was. Digests of sessions and views are of what is written
+    assert set(Camera(**PINHOLE).model_dump()) == {
+        *PINHOLE, "mm_per_px", "rotation_deg", "mirrored"
+    }  # fmt: skip
 
 
 def test_rays_through_a_port_obey_snells_law():
@@ -145,7 +146,8 @@ def test_rays_through_a_port_obey_snells_law():
     assert_allclose(near[0, 0], 400 * 0.001 / (30 + 10 / 1.41), rtol=1e-6)
 
 
-def test_far_points_stay_outside_where_the_polynomial_turns_back():
+def test_points_that_no_pixel_shows_stay_outside_or_are_named():
+    # Far points stay outside where the polynomial turns back
     folding = Camera(**PINHOLE, distortion={"coefficients": [-0.3, 0.0, 0.0, 0.0]})
     turn = np.sqrt(1 / 0.9)  # 1 - 3 0.3 r^2 = 0
     radius = turn * np.array([0.9, 0.99, 1.01, 1.5, 4.0])
@@ -153,6 +155,10 @@ def test_far_points_stay_outside_where_the_polynomial_turns_back():
     assert np.all(np.diff(seen) > 0)
     with pytest.raises(CameraError, match=r"shows no ray at 0.949 focal.*turns back at 1.05"):
         unproject(folding, [[319.5 + 400 * 0.949, 239.5]], 0.0)
+
+    # A point behind the camera is named
+    with pytest.raises(CameraError, match=r"5 mm behind the camera"):
+        project(Camera(**PINHOLE), [[16, 16, -45]])
 
 
 @pytest.mark.parametrize(
@@ -168,13 +174,6 @@ def test_far_points_stay_outside_where_the_polynomial_turns_back():
 def test_lenses_and_ports_that_cannot_be_are_refused(keys, words):
     with pytest.raises(ValueError, match=words):
         Camera(**(PINHOLE | keys))
-
-
-def test_an_old_description_is_written_as_it_was():
-    """Digests of sessions and views are of what is written."""
-    assert set(Camera(**PINHOLE).model_dump()) == {
-        *PINHOLE, "mm_per_px", "rotation_deg", "mirrored"
-    }  # fmt: skip
 
 
 @pytest.mark.parametrize("wrong", [{"position_mm": [16.0, 16.0, 46.0]}, {"rotation_deg": [180.0, 0.0, 0.0]}])

@@ -45,7 +45,8 @@ def test_exact_centres_give_the_pose_back(more):
     assert pose.rms_px < 1e-5
 
 
-def test_standard_deviations_are_those_of_repeated_fits():
+def test_repeated_fits_scatter_as_told_and_a_misplaced_press_is_left_out():
+    # Standard deviations are those of repeated fits
     found, told = [], []
     for seed in range(60):
         seen = centres_of(TRUE) + np.random.default_rng(seed).normal(0, 0.3, (5, 2))
@@ -54,6 +55,14 @@ def test_standard_deviations_are_those_of_repeated_fits():
         told.append(pose.sd)
     # 60 repeats know a spread to 9 %, each told one has 6 degrees of freedom
     assert_allclose(np.std(found, axis=0), np.sqrt(np.mean(np.square(told), axis=0)), rtol=0.25)
+
+    # A press that is not where it should be is left out
+    places = np.concatenate([PLACES, PLACES + [2.0, -1.0]])
+    seen = centres_of(TRUE, places, 0.1)
+    seen[3] += 12.0
+    pose = fit_pose(unposed(), list("abcdefghij"), places, seen, Z)
+    assert list(pose.left_out) == ["d"]
+    assert_allclose(pose.camera.position_mm, TRUE.position_mm, atol=0.3)
 
 
 def test_the_centre_is_that_of_the_press_and_not_of_all_that_moves():
@@ -81,15 +90,6 @@ def test_the_centre_is_that_of_the_press_and_not_of_all_that_moves():
 def test_places_that_tell_no_pose_are_refused(places, more, words):
     with pytest.raises(CameraError, match=words):
         fit_pose(unposed(**more), NAMES, places, centres_of(TRUE, places), Z)
-
-
-def test_a_press_that_is_not_where_it_should_be_is_left_out():
-    places = np.concatenate([PLACES, PLACES + [2.0, -1.0]])
-    seen = centres_of(TRUE, places, 0.1)
-    seen[3] += 12.0
-    pose = fit_pose(unposed(), list("abcdefghij"), places, seen, Z)
-    assert list(pose.left_out) == ["d"]
-    assert_allclose(pose.camera.position_mm, TRUE.position_mm, atol=0.3)
 
 
 def test_the_plane_of_the_particles_is_the_middle_of_their_layers_and_has_the_scale(capsys):

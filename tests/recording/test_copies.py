@@ -43,8 +43,9 @@ def test_a_copy_under_another_name_is_refused(tmp_path, images):
         check(one, other)
 
 
-def test_sessions_of_one_program_are_no_copies(tmp_path):
-    """Positions and times are equal, forces are not; where these are coarse and agree too, the images are not."""
+def test_sessions_of_one_program_are_no_copies_but_equal_force_logs_are(tmp_path):
+    # Sessions of one program are no copies. Positions and times are equal, forces are not; where these are coarse
+    # and agree too, the images are not
     one = write_session(tmp_path / "one", images=True, presses=4)
     other = copied(one, "other")
     for path in (other / "images").iterdir():
@@ -56,9 +57,9 @@ def test_sessions_of_one_program_are_no_copies(tmp_path):
     edit(forces, lambda table: table.assign(fz_N=table["fz_N"] + 0.001))
     check(one, forces)
 
-
-def test_forces_beside_the_table_are_compared(tmp_path):
-    one = write_session(tmp_path / "one")
+    # Forces beside the table are compared
+    logged = tmp_path / "logged"
+    one = write_session(logged / "one")
     edit(one, lambda table: table.drop(columns=["fx_N", "fy_N", "fz_N"]))
     (one / "ft.csv").write_text("time_s,fx_N,fy_N,fz_N\n0,0,0,0\n20,0,0,-1\n")
     other = copied(one, "other")

@@ -132,7 +132,8 @@ def test_flow_does_not_depend_on_the_images_before(preset):
 SETTINGS = Features(regions=8)
 
 
-def test_features_of_a_session(tmp_path):
+def test_features_of_a_session_and_of_its_crop(tmp_path):
+    # Features of a session
     folder = write_session(tmp_path / "day", images=True)
     recording = read_recording(folder)
     assert (
@@ -152,6 +153,15 @@ def test_features_of_a_session(tmp_path):
         assert_array_equal(file["feature"][4], extract(image))
         assert all("units" in data.attrs and "description" in data.attrs for data in file.values())
 
+    # Crop selects the part of the image
+    cropped = tmp_path / "cropped"
+    folder = write_session(cropped / "day", images=True, extra="crop_px: [10, 20, 110, 98]\n")
+    session_features(read_recording(folder), SETTINGS, cropped / "f.h5")
+    extract = FlowFeatures(cv2.imread(str(folder / "reference.png"), 0)[20:118, 10:120].copy(), SETTINGS)
+    with h5py.File(cropped / "f.h5") as file:
+        image = cv2.imread(str(folder / "images" / file["image"][1].decode()), 0)[20:118, 10:120].copy()
+        assert_array_equal(file["feature"][1], extract(image))
+
 
 def test_features_follow_the_settings_and_not_the_threads(tmp_path):
     recording = read_recording(write_session(tmp_path / "day", images=True))
@@ -168,16 +178,8 @@ def test_features_follow_the_settings_and_not_the_threads(tmp_path):
     assert len(digests) == 2
 
 
-def test_crop_selects_the_part_of_the_image(tmp_path):
-    folder = write_session(tmp_path / "day", images=True, extra="crop_px: [10, 20, 110, 98]\n")
-    session_features(read_recording(folder), SETTINGS, tmp_path / "f.h5")
-    extract = FlowFeatures(cv2.imread(str(folder / "reference.png"), 0)[20:118, 10:120].copy(), SETTINGS)
-    with h5py.File(tmp_path / "f.h5") as file:
-        image = cv2.imread(str(folder / "images" / file["image"][1].decode()), 0)[20:118, 10:120].copy()
-        assert_array_equal(file["feature"][1], extract(image))
-
-
-def test_an_image_that_vanishes_is_named_and_leaves_no_file(tmp_path):
+def test_a_session_that_gives_no_features_is_refused(tmp_path):
+    # An image that vanishes is named and leaves no file
     folder = write_session(tmp_path / "day", images=True)
     recording = read_recording(folder)
     (folder / "images" / "b_1.png").unlink()
@@ -185,10 +187,10 @@ def test_an_image_that_vanishes_is_named_and_leaves_no_file(tmp_path):
         session_features(recording, SETTINGS, tmp_path / "f.h5")
     assert not list(tmp_path.glob("*f*h5*"))
 
-
-def test_a_force_only_session_has_no_features(tmp_path):
+    # A force only session has no features
+    bare = tmp_path / "bare"
     with pytest.raises(ImageError, match="force-only"):
-        session_features(read_recording(write_session(tmp_path / "day")), SETTINGS, tmp_path / "f.h5")
+        session_features(read_recording(write_session(bare / "day")), SETTINGS, bare / "f.h5")
 
 
 def test_memory_does_not_grow_with_the_session(tmp_path):

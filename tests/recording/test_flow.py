@@ -78,7 +78,16 @@ def test_agreement_with_digital_image_correlation(frame):
     assert np.sqrt(((found - wanted) ** 2).mean()) < 0.03
 
 
-def test_images_that_do_not_fit_or_cannot_be_read_are_refused(tmp_path):
+def test_images_are_cropped_and_made_grey_and_unfit_ones_refused(tmp_path):
+    # Crop and grey
+    image = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    assert_allclose(crop(image, [1, 0, 2, 3]), image[:3, 1:3])
+    with pytest.raises(ImageError, match="reaches beyond"):
+        crop(image, [1, 0, 4, 3])
+    assert grey(np.dstack([image] * 3)).shape == (3, 4)
+    assert grey(image) is image
+
+    # Images that do not fit or cannot be read are refused
     flow = Flow(np.zeros((110, 120), np.uint8), PRESET)
     with pytest.raises(ImageError, match="110 x 120 px, but the reference frame has 120 x 110 px"):
         flow(np.zeros((120, 110), np.uint8))
@@ -89,12 +98,3 @@ def test_images_that_do_not_fit_or_cannot_be_read_are_refused(tmp_path):
     (tmp_path / "b.png").write_bytes(b"not an image")
     with pytest.raises(ImageError, match=r"b\.png: cannot be decoded"):
         read_grey(tmp_path / "b.png")
-
-
-def test_crop_and_grey():
-    image = np.arange(12, dtype=np.uint8).reshape(3, 4)
-    assert_allclose(crop(image, [1, 0, 2, 3]), image[:3, 1:3])
-    with pytest.raises(ImageError, match="reaches beyond"):
-        crop(image, [1, 0, 4, 3])
-    assert grey(np.dstack([image] * 3)).shape == (3, 4)
-    assert grey(image) is image

@@ -8,7 +8,8 @@ from gelforge.recording.imaging.flow import ImageError
 from gelforge.recording.imaging.frames import frames
 
 
-def test_a_folder_gives_its_images_by_name(tmp_path):
+def test_a_folder_gives_its_images_by_name_and_a_sessions_folder_names_them(tmp_path):
+    # A folder gives its images by name
     for number in (10, 2, 1):
         cv2.imwrite(str(tmp_path / f"{number:02d}.png"), np.full((40, 50), number, np.uint8))
     (tmp_path / "notes.txt").write_text("no image")
@@ -17,15 +18,16 @@ def test_a_folder_gives_its_images_by_name(tmp_path):
     assert [int(frame.image[0, 0]) for frame in found] == [1, 2, 10]
     assert all(np.isnan(frame.time_s) for frame in found)
 
-
-def test_the_folder_of_a_session_names_its_images_and_its_reference(tmp_path):
-    (tmp_path / "images").mkdir()
+    # The folder of a session names its images and its reference
+    session = tmp_path / "session"
+    session.mkdir()
+    (session / "images").mkdir()
     for name in ("reference.png", "images/a.png"):
-        cv2.imwrite(str(tmp_path / name), np.full((40, 50), 7, np.uint8))
-    (tmp_path / "session.yaml").touch()
+        cv2.imwrite(str(session / name), np.full((40, 50), 7, np.uint8))
+    (session / "session.yaml").touch()
     with pytest.raises(ImageError, match=r"images, with --reference .*reference\.png"):
-        frames(tmp_path)
-    assert len(list(frames(tmp_path / "images"))) == 1
+        frames(session)
+    assert len(list(frames(session / "images"))) == 1
 
 
 def test_a_video_gives_grey_frames_with_times(tmp_path):

@@ -30,7 +30,8 @@ def reads(monkeypatch):
     return read
 
 
-def test_an_image_that_is_overwritten_in_place_changes_the_digest(folder, reads):
+def test_an_image_that_is_overwritten_changes_the_digests_of_images_and_features(folder, reads):
+    # An image that is overwritten in place changes the digest
     before = images_digest(folder)
     path = folder / "images/a_1.png"
     stamp, content = path.stat(), path.read_bytes()
@@ -40,6 +41,12 @@ def test_an_image_that_is_overwritten_in_place_changes_the_digest(folder, reads)
     assert reads[7:] == ["a_1.png"]
     path.write_bytes(content)
     assert images_digest(folder) == before
+
+    # The digest of features follows the images. A join compares it: a shard of stale features is refused
+    session = load_session(folder / "session.yaml")
+    before = features.features_digest(folder, session, Features())
+    shutil.copy(folder / "images/a_2.png", folder / "images/a_1.png")
+    assert features.features_digest(folder, session, Features()) != before
 
 
 @pytest.mark.parametrize("change", ["reference", "renamed", "added", "removed", "exchanged"])
@@ -88,11 +95,3 @@ def test_outside_a_folder_of_snakemake_nothing_is_written(folder, reads):
     (folder.parent / ".snakemake").rmdir()
     images_digest(folder)
     assert not (folder.parent / ".snakemake").exists()
-
-
-def test_the_digest_of_features_follows_the_images(folder):
-    """A join compares it: a shard of stale features is refused."""
-    session = load_session(folder / "session.yaml")
-    before = features.features_digest(folder, session, Features())
-    shutil.copy(folder / "images/a_2.png", folder / "images/a_1.png")
-    assert features.features_digest(folder, session, Features()) != before

@@ -157,7 +157,8 @@ def test_images_cut_short_are_named(suffix, tmp_path):
         image_size(path)
 
 
-def test_a_flipped_bit_is_named(tmp_path):
+def test_a_flipped_bit_and_a_blank_reference_are_refused(tmp_path):
+    # A flipped bit is named
     folder = write_image_session(tmp_path / "s")
     path = folder / "images" / "p02_1.png"
     data = bytearray(path.read_bytes())
@@ -165,9 +166,9 @@ def test_a_flipped_bit_is_named(tmp_path):
     path.write_bytes(data)
     refused(folder, r"p02_1\.png: cannot be decoded")
 
-
-def test_a_reference_without_texture_is_refused(tmp_path):
-    folder = write_image_session(tmp_path / "s")
+    # A reference without texture is refused
+    blank = tmp_path / "blank"
+    folder = write_image_session(blank / "s")
     cv2.imwrite(str(folder / "reference.png"), np.zeros(SIZE, np.uint8))
     refused(folder, "the reference frame shows no texture")
 

@@ -88,7 +88,8 @@ def test_remapping_and_reducing_in_one_step_shows_what_both_show_one_by_one(scal
     assert_allclose(one[1:-1, 1:-1], two[1:-1, 1:-1], atol=0.05)
 
 
-def test_what_a_model_remaps_is_reduced_too():
+def test_what_a_model_remaps_is_reduced_but_not_below_its_limit():
+    # What a model remaps is reduced too
     views = {"day": view_of(Session(session="day", camera=CAMERA), 0.8)}
     assert views["day"]["image_px"] == [400, 400] and views["day"]["image_scale"] == 0.8
     image = speckle(size=(400, 400))
@@ -96,8 +97,15 @@ def test_what_a_model_remaps_is_reduced_too():
         remap_to(views, OTHER, -3.75, None, 0.8)(image), Remapper(OTHER, CAMERA, -3.75, scale=0.8)(image)
     )
 
+    # An image too small when reduced is refused
+    with pytest.raises(
+        ImageError, match="image of 120 x 90 px is smaller than 96 px; .* features.image_scale"
+    ):
+        FlowFeatures(reduced(np.zeros((180, 240), np.uint8), 0.5), Features(image_scale=0.5))
 
-def test_features_of_a_session_at_a_scale(tmp_path):
+
+def test_features_at_a_scale_are_other_features_and_at_full_size_the_same(tmp_path):
+    # Features of a session at a scale
     folder = write_session(tmp_path / "day", images=True, extra="crop_px: [2, 0, 135, 120]\n")
     recording = read_recording(folder)
     whole, small = (Features(regions=8, image_scale=scale) for scale in (1.0, 0.85))
@@ -118,8 +126,7 @@ def test_features_of_a_session_at_a_scale(tmp_path):
     digests = [features_digest(folder, recording.session, settings) for settings in (whole, small)]
     assert digests[0] != digests[1]
 
-
-def test_images_as_large_as_recorded_keep_the_digests_of_before():
+    # Images as large as recorded keep the digests of before
     assert Features(image_scale=1.0).model_dump() == {
         "regions": 40,
         "flow_preset": "fine",
@@ -141,10 +148,3 @@ def test_full_on_half_the_image_finds_what_fine_finds_on_the_whole():
     off = [np.abs(one - found[0]).mean() for one in found[1:]]
     assert off[0] < 0.01 * found[0].max()
     assert off[1] > 3 * off[0]
-
-
-def test_an_image_too_small_when_reduced_is_refused():
-    with pytest.raises(
-        ImageError, match="image of 120 x 90 px is smaller than 96 px; .* features.image_scale"
-    ):
-        FlowFeatures(reduced(np.zeros((180, 240), np.uint8), 0.5), Features(image_scale=0.5))

@@ -54,7 +54,8 @@ def test_a_log_that_cannot_be_read_is_named(tmp_path, edit, message):
 
 
 # ------------------------------------------------------------------------------------------- plan, findings
-def test_fewer_indentations_than_planned_are_information(tmp_path):
+def test_findings_tell_of_the_plan_and_survive_their_file(tmp_path):
+    # Fewer indentations than planned are information
     kind = Kind()
     cells = {
         f"c{k}": PlannedCell(f"c{k}", float(x), float(y), (0.4, 0.8, 1.2, 1.6))
@@ -67,8 +68,7 @@ def test_fewer_indentations_than_planned_are_information(tmp_path):
     whole = {name: replace(cell, depths_mm=(0.4, 0.8, 1.2)) for name, cell in cells.items()}
     assert read_recording(tmp_path / "s", whole).findings.lines() == []
 
-
-def test_findings_survive_their_file_and_speak_one_line_a_test(tmp_path):
+    # Findings survive their file and speak one line a test
     made = [
         Finding("gap", "excluded", "force", f"misses {k} s", "log", f"p{k}", 1.0 * k, k, 0.5, "s", (k,))
         for k in range(1, 6)

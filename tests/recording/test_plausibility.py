@@ -219,11 +219,18 @@ def test_the_delay_that_a_refusal_names_is_right_to_a_sample(tmp_path, log_s, la
     assert abs(float(str(refused.value).split("delay_s: ")[1].split()[0]) - lag) <= log_s
 
 
-def test_a_confirmed_finding_is_a_note(tmp_path):
+def test_a_confirmed_finding_is_a_note_and_untouched_samples_stay(tmp_path):
+    # A confirmed finding is a note
     kind = Kind(tared=True, drift_N_per_s=5e-4, fault={"session": {"confirmed": ["force_before_touch"]}})
     recording = read_recording(generate(tmp_path / "s", kind))
     assert [finding.level for finding in recording.findings] == ["note"]
     assert "confirmed in session.yaml" in recording.findings.lines("note")[0]
+
+    # Untouched samples stay
+    untouched = tmp_path / "untouched"
+    kind = Kind(fault={"table": from_press(12, 99, 0.0)})
+    recording = read_recording(generate(untouched / "s", kind))
+    assert set(sample_rows(recording)["press"]) == {f"p{k:03d}" for k in range(15)}
 
 
 # ------------------------------------------------------------------------------------------- exclusions
@@ -363,7 +370,8 @@ def test_what_cannot_be_true_is_left_out_and_listed(tmp_path, name):
     assert not {f"s/{press}" for press in whole.index[whole]} & set(observed.table["press"])
 
 
-def test_a_gap_takes_only_the_readings_inside(tmp_path):
+def test_a_gap_takes_its_readings_and_gaps_in_most_indentations_are_refused(tmp_path):
+    # A gap takes only the readings inside
     fault = {"log": lambda log, rng: without(log, 1.5, 2.6)}  # p000 arrives at 2.4 mm or later
     kind = Kind(log_s=0.02, depths=(0.4,), fault=fault)
     readings = read_recording(generate(tmp_path / "s", kind)).readings
@@ -373,8 +381,9 @@ def test_a_gap_takes_only_the_readings_inside(tmp_path):
     kept = readings["fz_N"].notna()
     assert_allclose(readings.loc[kept, FORCE], honest.loc[kept, FORCE], atol=1e-12)
 
+    # Gaps in most indentations are an error that can be confirmed
+    many = tmp_path / "many"
 
-def test_gaps_in_most_indentations_are_an_error_that_can_be_confirmed(tmp_path):
     def holes(log, rng):
         """The waits of all indentations but the last are missing."""
         return log[
@@ -383,14 +392,8 @@ def test_gaps_in_most_indentations_are_an_error_that_can_be_confirmed(tmp_path):
 
     kind = Kind(log_s=0.02)
     kind = replace(kind, fault={"log": holes})
-    folder = generate(tmp_path / "s", kind)
+    folder = generate(many / "s", kind)
     with pytest.raises(
         RecordingError, match=r"no sample in ft\.csv .* indentations in all.*confirmed: \[gap\]"
     ):
         read_recording(folder)
-
-
-def test_untouched_samples_stay(tmp_path):
-    kind = Kind(fault={"table": from_press(12, 99, 0.0)})
-    recording = read_recording(generate(tmp_path / "s", kind))
-    assert set(sample_rows(recording)["press"]) == {f"p{k:03d}" for k in range(15)}

@@ -51,9 +51,17 @@ def test_what_a_turned_sensor_records_comes_back(force, turn, on_indenter):
     assert_allclose(force_on_sensor(recorded[None], described)[0], force, atol=1e-10)
 
 
-def test_axes_map_recorded_to_sensor_and_not_back():
+def test_axes_map_recorded_to_sensor_and_each_press_has_its_own_zero(tmp_path):
+    # Axes map recorded to sensor and not back
     described = ForceSensor(axes=[[0, -1, 0], [1, 0, 0], [0, 0, 1]])  # recorded x is the sensor's y
     assert_allclose(force_on_sensor(np.array([[1.0, 0, 0]]), described), [[0, 1, 0]])
+
+    # Each press has its own zero
+    first, second = press_lines("a", 0, 10, 12, 0.5, False), press_lines("b", 1, 11, 12, 1.0, False)
+    drifted = [line.replace(",0.5,-0.25,1.0,", ",0.7,-0.25,1.0,") for line in second]
+    folder = write_session(tmp_path / "day", lines=[HEADER, *first, *drifted])
+    held = read_recording(folder).readings.query("phase == 'dwell'")
+    assert_allclose(held["fx_N"], [0.1, 0.1, -0.1, -0.1], atol=1e-12)
 
 
 @given(
@@ -89,14 +97,6 @@ def test_zero_is_subtracted_unless_tared(tmp_path, tared):
     assert_allclose(held[RAW], exact + (0.01 if tared else np.array(OFFSET)), atol=1e-12)
 
 
-def test_each_press_has_its_own_zero(tmp_path):
-    first, second = press_lines("a", 0, 10, 12, 0.5, False), press_lines("b", 1, 11, 12, 1.0, False)
-    drifted = [line.replace(",0.5,-0.25,1.0,", ",0.7,-0.25,1.0,") for line in second]
-    folder = write_session(tmp_path / "day", lines=[HEADER, *first, *drifted])
-    held = read_recording(folder).readings.query("phase == 'dwell'")
-    assert_allclose(held["fx_N"], [0.1, 0.1, -0.1, -0.1], atol=1e-12)
-
-
 def test_faster_force_samples_replace_the_readings_by_time(tmp_path):
     folder = write_session(tmp_path / "day")
     time = np.arange(-1, 17, 0.005)
@@ -112,7 +112,8 @@ def test_faster_force_samples_replace_the_readings_by_time(tmp_path):
 
 
 # ------------------------------------------------------------------------------------------------- joining
-def test_presses_join_their_cells_and_rows_survive_the_file(tmp_path):
+def test_rows_join_their_cells_survive_the_file_and_are_sampled_at_the_commanded_depth(tmp_path):
+    # Presses join their cells and rows survive the file
     recording = read_recording(write_session(tmp_path / "day"), CELLS, SENSOR)
     readings = recording.readings
     assert list(readings.columns) == COLUMNS
@@ -125,12 +126,12 @@ def test_presses_join_their_cells_and_rows_survive_the_file(tmp_path):
     )  # nine digits in the file
     assert (again.drop(columns=numbers) == readings.drop(columns=numbers)).all(axis=None)
 
-
-def test_samples_are_zero_rows_and_held_rows_at_the_commanded_depth(tmp_path):
+    # Samples are zero rows and held rows at the commanded depth
+    sampled = tmp_path / "sampled"
     lines = press_lines("a", 0, 10, 12, 0.5, False)
     x, y, z = np.array(OFFSET) + [0.06, -0.12, -0.3]
     lines[2] = f"a,,0,2,load,10,12,0.3,1,0,{x},{y},{z},"  # a load row on the way down
-    recording = read_recording(write_session(tmp_path / "day", lines=[HEADER, *lines]))
+    recording = read_recording(write_session(sampled / "day", lines=[HEADER, *lines]))
     assert list(at_commanded_depth(recording.readings)) == [False, False, False, True, True, False]
     assert list(sample_rows(recording)["phase"]) == ["zero", "zero", "dwell", "dwell"]
 
@@ -185,16 +186,17 @@ def test_a_plan_can_be_derived_from_the_recordings(tmp_path):
     assert list(press_table(read_recording(one).readings)["row"]) == [0, 6]
 
 
-def test_semicolons_decimal_commas_and_comments_are_read(tmp_path):
+def test_other_separators_and_other_columns_are_read(tmp_path):
+    # Semicolons decimal commas and comments are read
     folder = write_session(tmp_path / "day")
     wanted = read_recording(folder).readings
     text = (folder / "indentations.csv").read_text().replace(",", ";").replace(".", ",")
     (folder / "indentations.csv").write_text("# stage 3\n% by hand\n" + text, encoding="utf-8-sig")
     pd.testing.assert_frame_equal(read_recording(folder).readings, wanted)
 
-
-def test_extra_columns_are_ignored_and_cell_image_and_dwell_may_be_absent(tmp_path):
-    folder = write_session(tmp_path / "day")
+    # Extra columns are ignored and cell image and dwell may be absent
+    columns = tmp_path / "columns"
+    folder = write_session(columns / "day")
     table = pd.read_csv(folder / "indentations.csv").drop(
         columns=["cell", "image", "dwell_s", "speed_mm_per_s"]
     )

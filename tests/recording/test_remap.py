@@ -29,7 +29,8 @@ ASIDE = Camera(**(OTHER.model_dump() | {"position_mm": [16.5, 16, -46]}))
 Z = -3.75
 
 
-def test_points_of_the_plane_land_where_the_view_has_them():
+def test_a_remapped_image_is_what_the_view_draws():
+    # Points of the plane land where the view has them
     points = np.random.default_rng(0).uniform([6, 6, Z], [26, 26, Z], (200, 3))
     wanted, _ = project(VIEW, points)
     # the map at the view's pixel of a point is the other camera's pixel of it, linear between whole pixels
@@ -37,18 +38,7 @@ def test_points_of_the_plane_land_where_the_view_has_them():
     found = cv2.remap(places, *wanted.astype(np.float32).T[:, :, None], cv2.INTER_LINEAR)[:, 0]
     assert_allclose(found, project(ASIDE, points)[0], atol=0.02)  # remap reads at 1/32 px
 
-
-@pytest.mark.parametrize("z", [-6.0, -1.5])
-def test_only_pinholes_that_stand_apart_have_parallax(z):
-    """Off the plane: nothing for a camera in the same place, f s h / (Z Z') px for one that stands s aside."""
-    away = places_in(OTHER, VIEW, z) - places_in(OTHER, VIEW, Z)
-    assert np.abs(away).max() < 1e-9
-    straight = Camera(**KEYS, position_mm=[16.5, 16, -46])
-    away = places_in(straight, VIEW, z) - places_in(straight, VIEW, Z)
-    assert_allclose(away[..., 0], -545 * 0.5 * (1 / (z + 46) - 1 / (Z + 46)), rtol=1e-9)
-
-
-def test_a_remapped_image_is_what_the_view_draws():
+    # A remapped image is what the view draws
     grid = np.stack(np.meshgrid(np.arange(3, 30, 2.0), np.arange(3, 30, 2.0)), -1).reshape(-1, 2)
     aside = np.random.default_rng(1).uniform(-0.5, 0.5, grid.shape)  # no ball before another
     particles = np.column_stack([grid + aside, np.full(len(grid), Z)])
@@ -65,8 +55,7 @@ def test_a_remapped_image_is_what_the_view_draws():
     off = np.abs(found - wanted)[inner].mean()
     assert off < 0.1 * np.abs(as_taken - wanted)[inner].mean()  # measured: a fortieth, of interpolation
 
-
-def test_a_view_that_the_camera_does_not_see_is_refused():
+    # A view that the camera does not see is refused
     wide = Camera(**(KEYS | {"focal_px": 400.0}), position_mm=[16, 16, -46])
     with pytest.raises(ImageError, match=r"sees 5\d% of the reference view at z = -3.75 mm, limit 90%"):
         Remapper(OTHER, wide, Z)
@@ -74,11 +63,22 @@ def test_a_view_that_the_camera_does_not_see_is_refused():
         Remapper(OTHER, VIEW, Z)(np.zeros((400, 300), np.uint8))
 
 
+@pytest.mark.parametrize("z", [-6.0, -1.5])
+def test_only_pinholes_that_stand_apart_have_parallax(z):
+    """Off the plane: nothing for a camera in the same place, f s h / (Z Z') px for one that stands s aside."""
+    away = places_in(OTHER, VIEW, z) - places_in(OTHER, VIEW, Z)
+    assert np.abs(away).max() < 1e-9
+    straight = Camera(**KEYS, position_mm=[16.5, 16, -46])
+    away = places_in(straight, VIEW, z) - places_in(straight, VIEW, Z)
+    assert_allclose(away[..., 0], -545 * 0.5 * (1 / (z + 46) - 1 / (Z + 46)), rtol=1e-9)
+
+
 def session_with(**more):
     return Session(session="day", camera=OTHER, **more)
 
 
-def test_a_session_is_cropped_or_remapped_never_both():
+def test_a_session_is_cropped_or_remapped_and_its_features_are_of_the_view(tmp_path):
+    # A session is cropped or remapped never both
     remap = {"plane_z_mm": Z, "view": VIEW.model_dump()}
     with pytest.raises(ValueError, match="crop_px .* and remap are both given"):
         session_with(crop_px=[0, 0, 200, 200], remap=remap)
@@ -94,8 +94,7 @@ def test_a_session_is_cropped_or_remapped_never_both():
     assert view_of(session_with())["camera"] == OTHER.model_dump(mode="json")
     assert "plane_z_mm" not in view_of(session_with()) and "remap" not in session_with().model_dump()
 
-
-def test_features_of_a_remapped_session_are_those_of_its_view(tmp_path):
+    # Features of a remapped session are those of its view
     camera = {"width_px": 140, "height_px": 120, "focal_px": 200.0, "centre_px": [69.5, 59.5]}
     camera |= {"position_mm": [16, 16, -46], "distortion": {"coefficients": [-0.3, 0.1, 0, 0]}}
     view = camera | {"width_px": 110, "height_px": 100, "centre_px": [55.0, 50.0], "distortion": None}
@@ -120,7 +119,8 @@ def views(**more):
     return {"day": {"image_px": [400, 400], "crop_px": None, "camera": VIEW.model_dump(mode="json")} | more}
 
 
-def test_frames_of_another_camera_become_the_models():
+def test_frames_and_cameras_of_another_view_become_the_models(tmp_path):
+    # Frames of another camera become the models
     remapper = remap_to(views(plane_z_mm=Z), OTHER, None, None)
     image = np.random.default_rng(0).integers(0, 255, (400, 400)).astype(np.uint8)
     assert_array_equal(remapper(image), Remapper(OTHER, VIEW, Z)(image))
@@ -128,6 +128,16 @@ def test_frames_of_another_camera_become_the_models():
     assert_array_equal(cropped(image), remapper(image)[40:140, 30:230])
     assert remap_to(views(plane_z_mm=Z), VIEW, None, None) is None  # in the view already
     assert remap_to(views(), None, None, None) is None
+
+    # A camera comes from its own file or from a sessions
+    write_yaml(tmp_path / "camera.yaml", OTHER)
+    write_yaml(tmp_path / "session.yaml", session_with())
+    assert load_camera(tmp_path / "camera.yaml") == load_camera(tmp_path / "session.yaml") == OTHER
+    write_yaml(tmp_path / "lens.yaml", {"camera": KEYS})
+    with pytest.raises(ConfigError, match=r"lens.yaml: camera: no position_mm: a calibration finds no pose"):
+        load_camera(tmp_path / "lens.yaml")
+    assert load_camera(tmp_path / "lens.yaml", position_mm=[16, 16, -46]) == VIEW
+    assert differences(OTHER, OTHER) == ""
 
 
 @pytest.mark.parametrize(
@@ -145,14 +155,3 @@ def test_frames_of_another_camera_become_the_models():
 def test_frames_that_cannot_be_made_the_models_are_refused(known, camera, z, crop, words):
     with pytest.raises(ImageError, match=words):
         remap_to(known, camera, z, crop)
-
-
-def test_a_camera_comes_from_its_own_file_or_from_a_sessions(tmp_path):
-    write_yaml(tmp_path / "camera.yaml", OTHER)
-    write_yaml(tmp_path / "session.yaml", session_with())
-    assert load_camera(tmp_path / "camera.yaml") == load_camera(tmp_path / "session.yaml") == OTHER
-    write_yaml(tmp_path / "lens.yaml", {"camera": KEYS})
-    with pytest.raises(ConfigError, match=r"lens.yaml: camera: no position_mm: a calibration finds no pose"):
-        load_camera(tmp_path / "lens.yaml")
-    assert load_camera(tmp_path / "lens.yaml", position_mm=[16, 16, -46]) == VIEW
-    assert differences(OTHER, OTHER) == ""

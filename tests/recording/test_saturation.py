@@ -47,8 +47,8 @@ def test_the_deepest_readings_at_one_value_are_left_out(tmp_path, traits, acts_o
     assert table.loc[shallow, "fz_N"].notna().all()
 
 
-def test_a_session_that_is_saturated_for_the_most_part_is_refused(tmp_path):
-    """One depth only: the noise tells."""
+def test_a_session_saturated_for_the_most_part_is_refused_and_a_saturated_log_is_found(tmp_path):
+    # A session that is saturated for the most part is refused. One depth only: the noise tells
     kind = {"sites": MANY, "offset_N": (0.0, 0.0, 0.0), "depths": (1.0,), "repeats": 2}
     limit = round(0.75 * largest(generate(tmp_path / "whole", Kind(**kind))), 3)
     with pytest.raises(
@@ -56,12 +56,12 @@ def test_a_session_that_is_saturated_for_the_most_part_is_refused(tmp_path):
     ):
         read_recording(generate(tmp_path / "s", Kind(**kind, fault=clipped(limit, ["fz_N"]))))
 
-
-def test_a_saturated_log_is_found_too(tmp_path):
+    # A saturated log is found too
+    logged = tmp_path / "logged"
     kind = {"sites": MANY, "log_s": 0.01, "offset_N": (0.0, 0.0, 0.0)}
-    limit = round(0.75 * largest(generate(tmp_path / "whole", Kind(**kind))), 3)
+    limit = round(0.75 * largest(generate(logged / "whole", Kind(**kind))), 3)
     fault = {"log": lambda log, rng: log.assign(fz_N=log["fz_N"].clip(-limit, limit))}
-    recording = read_recording(generate(tmp_path / "s", Kind(**kind, fault=fault)))
+    recording = read_recording(generate(logged / "s", Kind(**kind, fault=fault)))
     assert {f.test for f in recording.findings} == {"force_saturates"}
 
 

@@ -35,12 +35,8 @@ def test_the_largest_part_is_named_with_what_would_help(sizes, words):
         assert word in said, said
 
 
-def test_the_remedy_of_a_small_part_is_not_given():
-    assert "more sites" not in budget_words(error_budget())
-    assert "material tests" not in budget_words(error_budget(mechanics=0.001))
-
-
-def test_bars_are_the_parts_in_mN_and_N_at_one_scale():
+def test_bars_are_the_parts_at_one_scale_and_remedies_follow_them():
+    # Bars are the parts in mN and N at one scale
     figure = budget_figure(error_budget())
     figure.canvas.draw()
     bins, total = figure.axes
@@ -54,6 +50,17 @@ def test_bars_are_the_parts_in_mN_and_N_at_one_scale():
     words = "\n".join(artist.get_text() for artist in figure.findobj(Text))
     for name, _ in BARS.values():
         assert name in words
+
+    # The remedy of a small part is not given
+    assert "more sites" not in budget_words(error_budget())
+    assert "material tests" not in budget_words(error_budget(mechanics=0.001))
+
+    # A table without a pressed row is not drawn
+    empty = error_budget()
+    empty[empty.columns[1:]] = float("nan")
+    chapter = Chapter("predictions", "Predictions")
+    tell_budget(chapter, SimpleNamespace(table=lambda name: empty, study=SimpleNamespace(virtual_lab=None)))
+    assert chapter.blocks == []
 
 
 @pytest.mark.parametrize(
@@ -70,11 +77,3 @@ def test_without_a_table_the_reason_is_one_line(tmp_path, virtual_lab, missing, 
     (note,) = chapter.blocks
     assert words in note.words
     assert note.missing == missing
-
-
-def test_a_table_without_a_pressed_row_is_not_drawn():
-    empty = error_budget()
-    empty[empty.columns[1:]] = float("nan")
-    chapter = Chapter("predictions", "Predictions")
-    tell_budget(chapter, SimpleNamespace(table=lambda name: empty, study=SimpleNamespace(virtual_lab=None)))
-    assert chapter.blocks == []

@@ -40,7 +40,8 @@ def maps(cell):
     return 1.3 * true + 0.001, true
 
 
-def test_maps_share_colour_limits_and_put_bins_at_their_place(maps):
+def test_maps_share_colour_limits_put_bins_at_their_place_and_repeat(maps):
+    # Maps share colour limits and put bins at their place
     figure = prediction_figure(*maps, 20, 20, (32.0, 32.0), (27.0, 16.0), 4.0)
     panels = [ax for ax in figure.axes if ax.collections and ax.get_title()]
     assert len(panels) == 9
@@ -63,6 +64,10 @@ def test_maps_share_colour_limits_and_put_bins_at_their_place(maps):
     corner = mesh.get_coordinates()[1, 3]
     np.testing.assert_allclose(corner, [6.0, 2.0])
 
+    # Figures repeat to the byte
+    figures = [prediction_figure(*maps, 20, 20, (32.0, 32.0), (27.0, 16.0), 4.0) for _ in range(2)]
+    assert svg(figures[0]) == svg(figures[1])
+
 
 def test_errors_and_losses_are_drawn_with_their_numbers():
     true = np.zeros((4, 3))
@@ -78,7 +83,8 @@ def test_errors_and_losses_are_drawn_with_their_numbers():
     assert "optimiser step" in texts(figure)
 
 
-def test_contact_radius_and_pressure_are_those_of_the_ball():
+def test_radius_pressure_and_boundary_edges_are_those_of_the_ball_and_mesh():
+    # Contact radius and pressure are those of the ball
     assert touched_radius_mm(Indenter(), 2.0) == pytest.approx(4.0)  # 3-4-5 triangle
     assert touched_radius_mm(Indenter(), 0.0) == 0.0
 
@@ -87,8 +93,7 @@ def test_contact_radius_and_pressure_are_those_of_the_ball():
     pressure = contact_pressure_kPa(force, np.array([1.0, 2.0, 0.0]))
     np.testing.assert_allclose(pressure, [500.0, 250.0, 0.0])  # 1 N/mm2 = 1000 kPa
 
-
-def test_boundary_edges_are_outline_and_interface():
+    # Boundary edges are outline and interface
     quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])  # two squares side by side
     xz = np.array([[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]], float)
     outline = {(0, 1), (1, 2), (2, 5), (4, 5), (3, 4), (0, 3)}
@@ -107,7 +112,8 @@ def test_boundary_edges_are_outline_and_interface():
     assert other == outline | {(1, 2), (1, 4), (2, 4)}
 
 
-def test_section_draws_ball_at_its_depth(cell):
+def test_section_draws_ball_at_its_depth_and_regions_keep_their_colours(cell):
+    # Section draws ball at its depth
     figure = section_figure(cell.arrays, -1, fake_results.REGION_NAMES, (27.0, 16.0), Indenter())
     side, top = figure.axes[:2]
     (ball,) = side.patches
@@ -124,13 +130,13 @@ def test_section_draws_ball_at_its_depth(cell):
     titles = [axes.title.get_window_extent() for axes in (side, top)]
     assert max(title.y1 for title in titles) <= figure.bbox.y1  # no title is cut
 
-
-def test_regions_keep_their_colours():
+    # Regions keep their colours
     assert region_colours(["gel", "skin", "wall"])[2] == region_colours(["wall", "gel"])[0]
     assert len(set(region_colours(["gel", "skin", "wall", "flange"]))) == 4
 
 
-def test_force_depth_figure_has_all_curves_and_units(whole):
+def test_force_depth_figure_has_all_curves_and_deviations_are_relative_to_the_published(whole):
+    # Force depth figure has all curves and units
     published = pd.read_csv(whole[2] / "force_depth.csv")
     depth = np.array([0.5, 1.0])
     curve = ForceDepth(
@@ -155,8 +161,7 @@ def test_force_depth_figure_has_all_curves_and_units(whole):
     bare = ForceDepth("centre", depth, np.array([-0.1, -0.3]), np.array([]), np.array([]), None)
     assert "paper" not in texts(force_depth_figure([bare]))
 
-
-def test_deviation_is_relative_to_the_published_force():
+    # Deviation is relative to the published force
     published = pd.DataFrame(
         {"depth_mm": [0.25, 0.5], "fem_N": [-0.1, -0.2], "fem_linear_N": 0.0, "ft_sensor_N": 0.0}
     )
@@ -249,8 +254,3 @@ def test_stage_times_group_cells(tmp_path):
     (tmp_path / "benchmarks/train.tsv").write_text("s\th:m:s\tmax_rss\n9.0\t0:00:09\t13.9\n")
     assert np.isnan(stage_times(tmp_path, {"a", "b"}).set_index("stage").memory_MB["train"])  # it waited
     assert list(stages.index) == ["train", "cells"]  # longest first
-
-
-def test_figures_repeat_to_the_byte(maps):
-    figures = [prediction_figure(*maps, 20, 20, (32.0, 32.0), (27.0, 16.0), 4.0) for _ in range(2)]
-    assert svg(figures[0]) == svg(figures[1])

@@ -54,7 +54,25 @@ def test_cell_label_defaults_to_the_deepest_and_shows_totals_and_frame(whole):
     assert low == -high
 
 
-def test_the_label_of_an_unrolled_dome_is_marked_where_its_position_lies_on_the_surface(shard):
+def test_shard_rows_need_their_manifest_and_an_unrolled_dome_marks_its_surface(shard):
+    # Shard row needs its manifest
+    label = read_label(shard, 0)
+    assert label.bins == (4, 3)
+    assert label.widths_mm == (8.0, 6.0)
+    assert "session day1, press p1, image 2" in label.title
+    assert "untouched" in read_label(shard, 1).title
+    figure = label_figure(shard, 1)  # an all-zero label draws too
+    title = figure.get_suptitle()
+    figure.draw_without_rendering()
+    assert "shard-00000.h5 row 1" in title
+    assert figure._suptitle.get_window_extent().width < figure.bbox.width  # a long title is not cut
+
+    # Shard without manifest
+    (shard.parent / "manifest.json").unlink()
+    with pytest.raises(LabelError, match=r"manifest.json: no such file; it says how large the sensor"):
+        read_label(shard, 0)
+
+    # The label of an unrolled dome is marked where its position lies on the surface
     layers = [{"name": "gel", "thickness_mm": 3.0, "material": "soft"}]
     shape, bins = {"kind": "dome"}, {"nx": 4, "ny": 3, "over": "surface"}
     sensor = {
@@ -74,24 +92,6 @@ def test_the_label_of_an_unrolled_dome_is_marked_where_its_position_lies_on_the_
     figure = label_figure(shard, 0)
     assert "surface unrolled" in figure.get_suptitle()
     assert figure.axes[0].get_xlabel() == "x along the surface [mm]"
-
-
-def test_shard_row_needs_its_manifest(shard):
-    label = read_label(shard, 0)
-    assert label.bins == (4, 3)
-    assert label.widths_mm == (8.0, 6.0)
-    assert "session day1, press p1, image 2" in label.title
-    assert "untouched" in read_label(shard, 1).title
-    figure = label_figure(shard, 1)  # an all-zero label draws too
-    title = figure.get_suptitle()
-    figure.draw_without_rendering()
-    assert "shard-00000.h5 row 1" in title
-    assert figure._suptitle.get_window_extent().width < figure.bbox.width  # a long title is not cut
-
-    # Shard without manifest
-    (shard.parent / "manifest.json").unlink()
-    with pytest.raises(LabelError, match=r"manifest.json: no such file; it says how large the sensor"):
-        read_label(shard, 0)
 
 
 @pytest.mark.parametrize("row", [2, -3])

@@ -51,7 +51,8 @@ def section(html: str, key: str) -> str:
     return html.split(f'<section id="{key}">')[1].split("</section>")[0]
 
 
-def test_the_sentence_stands_first_under_the_synthetic_banner(html):
+def test_the_sentence_stands_first_and_the_page_fetches_nothing(html):
+    # The sentence stands first under the synthetic banner
     text = [words.strip() for words in parsed(html.split("<body>")[1]).text if words.strip()]
     sentence = text.index(fake_verdict.fake_content()["sentence"])
     assert sentence <= 6  # after the line of the title, the banner and the state
@@ -64,8 +65,7 @@ def test_the_sentence_stands_first_under_the_synthetic_banner(html):
     text = " ".join(parsed(html.split("<body>")[1]).text)
     assert re.findall(r"\b(?:[Aa]n [b-df-hj-np-tv-z]\w+|[Aa] [aeio]\w+)", text) == []
 
-
-def test_page_fetches_nothing_and_every_figure_is_a_picture_under_a_sentence(html):
+    # Page fetches nothing and every figure is a picture under a sentence
     links = parsed(html)
     assert all(target.startswith(("#", "data:")) for target in links.targets)
     assert not re.search(r"@import|url\(|<script", html)
@@ -99,37 +99,15 @@ def test_what_people_want_to_read_is_there_with_shares(html):
     assert "60 % of 97 %" in answer and "30 % of 97 %" in answer
 
 
-def test_detection_limits_have_an_effect_a_row_and_ten_at_most(tmp_path):
-    content = fake_verdict.fake_content()
-    limit = content["detection_limits"][0]
-    more = [limit | {"effect": f"effect_{k}"} for k in range(12)]
-    axes = [limit | {"effect": "force_gain", "parameter": axis, "amount": 1.234} for axis in "xyz"]
-    content["detection_limits"] = [*more, *axes, limit]
-    folder = fake_verdict.write_fake_verdict(tmp_path, content)
-    table = next(b for b in limits(MismatchResults(folder)).blocks if b.kind == "table")
-    assert [row[0] for row in table.rows[:2]] == ["gel stiffness", "force gain"] and len(table.rows) == 10
-    assert table.rows[1][1:4] == ["x\ny\nz", "\n".join(3 * ["120 %"]), "\n".join(3 * ["10 %"])]
-
-
-def test_residuals_are_measured_minus_simulated(results):
+def test_residuals_are_measured_minus_simulated_and_maps_have_their_own_scales(results):
+    # Residuals are measured minus simulated
     z = results.readings[results.readings["axis"] == "z"]
     # pressing gives negative Fz and the made-up sensor is softer: it reads less negative than simulated
     assert z["before"].mean() > 0.03
     assert abs(z["after"].mean()) < 3 * z["sigma_N"].mean() / np.sqrt(len(z))
     assert results.strongest_axis == "z"
 
-
-def maps(figure):
-    """Return the maps of a figure by their titles without the size: "Fz before N"."""
-    drawn = [ax for ax in figure.axes if any(isinstance(shown, PatchCollection) for shown in ax.collections)]
-    found = {}
-    for ax in drawn:
-        before, _, unit = ax.get_title().replace("$", "").replace("_", "").rpartition(" ")
-        found[f"{before.partition(':')[0]} {unit}"] = ax.collections[0]
-    return found
-
-
-def test_maps_have_scales_and_frames_of_their_own(results):
+    # Maps have scales and frames of their own
     found = maps(mismatch_maps.before_after_figure(results))
     assert len(found) == 12
     means, noise = results.site_means, results.readings.groupby("axis")["sigma_N"].median()
@@ -157,7 +135,18 @@ def test_maps_have_scales_and_frames_of_their_own(results):
         assert (np.asarray(shown.get_linewidths()) > 1).sum() == len(fake_verdict.ASIDE)
 
 
-def test_defects_and_patches_are_drawn_where_they_are(tmp_path):
+def maps(figure):
+    """Return the maps of a figure by their titles without the size: "Fz before N"."""
+    drawn = [ax for ax in figure.axes if any(isinstance(shown, PatchCollection) for shown in ax.collections)]
+    found = {}
+    for ax in drawn:
+        before, _, unit = ax.get_title().replace("$", "").replace("_", "").rpartition(" ")
+        found[f"{before.partition(':')[0]} {unit}"] = ax.collections[0]
+    return found
+
+
+def test_defects_and_patches_are_drawn_and_detection_limits_are_ten_at_most(tmp_path):
+    # Defects and patches are drawn where they are
     content = fake_verdict.fake_content()
     defect = {"words": "void", "x_mm": 12.0, "y_mm": 20.0, "radius_mm": 2.0, "layer": "gel"}
     content["where"].append(defect)
@@ -187,6 +176,18 @@ def test_defects_and_patches_are_drawn_where_they_are(tmp_path):
     )  # digits of the CSV
     assert mismatch_maps.is_known(patches).sum() == 1
 
+    # Detection limits have an effect a row and ten at most
+    limited = tmp_path / "limited"
+    limited.mkdir()
+    limit = content["detection_limits"][0]
+    more = [limit | {"effect": f"effect_{k}"} for k in range(12)]
+    axes = [limit | {"effect": "force_gain", "parameter": axis, "amount": 1.234} for axis in "xyz"]
+    content["detection_limits"] = [*more, *axes, limit]
+    folder = fake_verdict.write_fake_verdict(limited, content)
+    table = next(b for b in limits(MismatchResults(folder)).blocks if b.kind == "table")
+    assert [row[0] for row in table.rows[:2]] == ["gel stiffness", "force gain"] and len(table.rows) == 10
+    assert table.rows[1][1:4] == ["x\ny\nz", "\n".join(3 * ["120 %"]), "\n".join(3 * ["10 %"])]
+
 
 def test_curves_over_depth_and_time(results):
     figure = mismatch_curves.depth_figure(results)
@@ -211,7 +212,8 @@ def test_curves_over_depth_and_time(results):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_null_has_no_after_and_says_so(tmp_path):
+def test_a_null_readings_without_sensor_and_measured_ones_are_said(tmp_path):
+    # A null has no after and says so
     folder = fake_verdict.write_fake_verdict(
         tmp_path, fake_verdict.nothing_missing(), patches=pd.DataFrame(), change=0.0, after=False
     )
@@ -223,6 +225,20 @@ def test_a_null_has_no_after_and_says_so(tmp_path):
     assert "Nothing was put into the simulation" in section(html, "held-out")
     assert "outlier" not in section(html, "cannot-know")
     assert len(maps(mismatch_maps.before_after_figure(MismatchResults(folder)))) == 6  # none after
+
+    # Readings without sensor or measured are said
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    content = fake_verdict.fake_content() | {"sensor": None}
+    folder = fake_verdict.write_fake_verdict(bare, content)
+    html = write_mismatch_page(folder).read_text(encoding="utf-8")
+    assert "No maps" in section(html, "answer")
+    assert len(parsed(html).pictures) == 3
+
+    # Measured readings are not called synthetic
+    content = fake_verdict.fake_content() | {"synthetic": False, "title": "presses on a sensor"}
+    folder = fake_verdict.write_fake_verdict(bare, content)
+    assert "SYNTHETIC" not in write_mismatch_page(folder).read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -302,20 +318,6 @@ def test_a_recording_of_one_axis_and_two_sites_is_drawn(tmp_path, time_s):
     assert len(parsed(html).pictures) == 3
     assert "these readings have no times" in section(html, "where")
     assert MismatchResults(tmp_path).axes == ["z"]
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_readings_without_sensor_or_measured_are_said(tmp_path):
-    content = fake_verdict.fake_content() | {"sensor": None}
-    folder = fake_verdict.write_fake_verdict(tmp_path, content)
-    html = write_mismatch_page(folder).read_text(encoding="utf-8")
-    assert "No maps" in section(html, "answer")
-    assert len(parsed(html).pictures) == 3
-
-    # Measured readings are not called synthetic
-    content = fake_verdict.fake_content() | {"synthetic": False, "title": "presses on a sensor"}
-    folder = fake_verdict.write_fake_verdict(tmp_path, content)
-    assert "SYNTHETIC" not in write_mismatch_page(folder).read_text(encoding="utf-8")
 
 
 @pytest.mark.thorough

@@ -61,22 +61,8 @@ def test_a_report_of_such_a_study_has_curves_and_short_tables(scattered, tmp_pat
     assert f"{CURVE_SITES} sites up to" in page
 
 
-def test_a_verdict_over_depth_is_of_the_sites_about_the_shown_one(tmp_path):
-    fake_verdict.write_fake_verdict(tmp_path)
-    whole = MismatchResults(tmp_path)
-    site = whole.shown_sites()[0][0]
-    assert whole.sites_about(site) == ([site], 0.0)
-    table = fake_verdict.fake_readings()
-    depths = np.sort(table["depth_mm"].unique())
-    own = dict(zip(table["site"].unique(), np.resize(depths, table["site"].nunique())))
-    fake_verdict.write_fake_verdict(tmp_path, table=table[table["depth_mm"] == table["site"].map(own)])
-    single = MismatchResults(tmp_path)
-    assert len(single.sites_about(site)[0]) == CURVE_SITES
-    figure = depth_figure(single)
-    assert f"and {CURVE_SITES - 1} sites up to" in figure.axes[0].get_title()
-
-
-def test_neighbours_means_and_classes_of_depth():
+def test_neighbours_are_pooled_in_means_classes_and_verdicts_over_depth(tmp_path):
+    # Neighbours means and classes of depth
     at = np.array([[0.0, 0], [1, 0], [2, 0], [3, 0], [4, 0], [10, 0]])
     chosen, distance = nearest(at, np.array([10.0, 0.0]), 2)
     assert (list(chosen), distance) == ([5, 4], 6.0)
@@ -97,3 +83,17 @@ def test_neighbours_means_and_classes_of_depth():
     mean, names = depth_classes(pd.Series(np.arange(1, 17) / 10))
     assert next(iter(names.values())) == "0.1 to 0.2" and len(names) == 8
     assert mean[0] == mean[1] == pytest.approx(0.15)
+
+    # A verdict over depth is of the sites about the shown one
+    fake_verdict.write_fake_verdict(tmp_path)
+    whole = MismatchResults(tmp_path)
+    site = whole.shown_sites()[0][0]
+    assert whole.sites_about(site) == ([site], 0.0)
+    table = fake_verdict.fake_readings()
+    depths = np.sort(table["depth_mm"].unique())
+    own = dict(zip(table["site"].unique(), np.resize(depths, table["site"].nunique())))
+    fake_verdict.write_fake_verdict(tmp_path, table=table[table["depth_mm"] == table["site"].map(own)])
+    single = MismatchResults(tmp_path)
+    assert len(single.sites_about(site)[0]) == CURVE_SITES
+    figure = depth_figure(single)
+    assert f"and {CURVE_SITES - 1} sites up to" in figure.axes[0].get_title()

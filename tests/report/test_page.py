@@ -46,7 +46,8 @@ def parsed(html: str) -> Links:
     return links
 
 
-def test_page_fetches_nothing_and_has_every_chapter(page):
+def test_page_fetches_nothing_has_every_chapter_and_pictures_under_sentences(page):
+    # Page fetches nothing and has every chapter
     links = parsed(page[0])
     assert links.pictures
     followed = {"mismatch/report.html", "verification.html"}  # by a click, to files of the same results
@@ -62,33 +63,7 @@ def test_page_fetches_nothing_and_has_every_chapter(page):
     # Whole study misses nothing
     assert page[1] == []
 
-
-def test_materials_show_effects_laws_and_the_cells_beyond_the_tested_range(page):
-    text = " ".join(parsed(page[0]).text)
-    assert "significant stiffening with age" in text
-    assert "friction: no friction.csv" in text
-    assert "constitutive models compared" in text and "12.5" in text
-    assert (
-        "tested at stretches 1 to 1.8 in equibiaxial" in text
-        and "Drucker-stable in all of the tested range" in text
-    )
-    assert "leave the range in which a constitutive model was tested" in text and "share of volume" in text
-
-
-def test_cells_with_a_law_that_proved_unstable_are_listed():
-    cell = SimpleNamespace(name="x1_y1", depths_mm=(0.5, 1.0))
-    shares = np.array([[0.0, 0.0], [0.0, 0.03]])
-    attributes = {"law_unstable": np.array([0, 1]), "volume_law_unstable": shares, "regions": ["gel", "skin"]}
-    older = SimpleNamespace(name="x0_y0", depths_mm=(0.5,))  # a file from before the check
-    chapter = Chapter("materials", "Materials")
-    cells = {"x1_y1": attributes, "x0_y0": {}}
-    _unstable(chapter, SimpleNamespace(converged=lambda: [cell, older], cell_attributes=cells))
-    (table,) = chapter.blocks
-    assert "1 site reach" in table.words and "not Drucker-stable" in table.words
-    assert table.rows == [["x1_y1", "1", "skin", "0.03"]]
-
-
-def test_every_figure_is_a_picture_under_a_sentence(page):
+    # Every figure is a picture under a sentence
     pictures = parsed(page[0]).pictures
     # sensor, two materials, force-depth, error bars, section, flow, flow over depth, residual, errors, their budget, loss,
     # two force maps, totals, verdict
@@ -101,19 +76,86 @@ def test_every_figure_is_a_picture_under_a_sentence(page):
     assert page[0].count("<figcaption>") >= len(pictures)
 
 
-def test_variants_stand_beside_the_study(page):
+def test_the_page_shows_materials_variants_failures_rows_and_time(page):
+    # Materials show effects laws and the cells beyond the tested range
+    text = " ".join(parsed(page[0]).text)
+    assert "significant stiffening with age" in text
+    assert "friction: no friction.csv" in text
+    assert "constitutive models compared" in text and "12.5" in text
+    assert (
+        "tested at stretches 1 to 1.8 in equibiaxial" in text
+        and "Drucker-stable in all of the tested range" in text
+    )
+    assert "leave the range in which a constitutive model was tested" in text and "share of volume" in text
+
+    # Variants stand beside the study
     chapter = page[0].split('<section id="force-depth">')[1].split("</section>")[0]
     assert "Variant flange: with a flange." in chapter
     assert "variant flange Fz [N]" in chapter
 
+    # What failed or was left out is named with its reason
+    failed = page[0].split('<section id="failed">')[1].split("</section>")[0]
+    assert fake_results.FAILED in failed
+    assert "no equilibrium at 1 mm after 4 halvings" in failed
+    assert "0.5" in failed  # the last good depth [mm]
+
+    # What was left out of a recording is listed
+    assert "Left out: force of 1 indentation" in page[0] and "No image is left out" in page[0]
+    assert "p00003" in page[0] and "record without gaps" in page[0]
+
+    # Glance and time count rows and seconds
+    assert "124 rows (100 for training, 24 held out) in 1 shard" in page[0]
+
+    # Time per stage names stages and units
+    time = page[0].split('<section id="time">')[1].split("</section>")[0]
+    assert re.search(r">cells</td>\s*<td[^>]*>25<", time)
+    assert {"all jobs [s]", "largest memory [MB]"} <= set(re.findall(r"<th[^>]*>([^<]*)</th>", time))
+
+
+def test_unstable_laws_are_listed_and_headings_written_as_html():
+    # Cells with a law that proved unstable are listed
+    cell = SimpleNamespace(name="x1_y1", depths_mm=(0.5, 1.0))
+    shares = np.array([[0.0, 0.0], [0.0, 0.03]])
+    attributes = {"law_unstable": np.array([0, 1]), "volume_law_unstable": shares, "regions": ["gel", "skin"]}
+    older = SimpleNamespace(name="x0_y0", depths_mm=(0.5,))  # a file from before the check
+    chapter = Chapter("materials", "Materials")
+    cells = {"x1_y1": attributes, "x0_y0": {}}
+    _unstable(chapter, SimpleNamespace(converged=lambda: [cell, older], cell_attributes=cells))
+    (table,) = chapter.blocks
+    assert "1 site reach" in table.words and "not Drucker-stable" in table.words
+    assert table.rows == [["x1_y1", "1", "skin", "0.03"]]
+
+    # Headings and code are written as html
+    assert heading("x_N") == "x [N]"
+    assert heading("low_95") == "low 95"
+    assert heading("RMSES_x_N") == "RMSES x [N]"
+
+    # What stands between backticks is code and all else is escaped
+    assert code("`a < b` or <i>, 5`") == "<code>a &lt; b</code> or &lt;i&gt;, 5`"
+    assert code(3) == "3"
+
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_variant_that_was_not_solved_is_named(tmp_path):
+def test_an_unsolved_variant_is_named_and_measured_data_not_called_synthetic(tmp_path):
+    # A variant that was not solved is named
     study = fake_results.fake_study(tmp_path, sessions=False, variants=["flange"])
     folder = tmp_path / "results"
     fake_results.write_cells(study, folder)
     missing = write_report(study, folder, tmp_path / "page.html", tmp_path / "paper")
     assert any("No curve of variant flange" in words and "variants" in words for words in missing)
+
+    # Measured data is not called synthetic
+    measured = tmp_path / "measured"
+    measured.mkdir()
+    study = fake_results.fake_study(measured)
+    folder = measured / "results"
+    fake_results.write_cells(study, folder)
+    fake_results.write_session(study)
+    description = study.session_folder("day1") / "session.yaml"
+    description.write_text(description.read_text().replace("synthetic: true", "synthetic: false"))
+    write_report(study, folder, measured / "page.html", measured / "paper")
+    html = (measured / "page.html").read_text(encoding="utf-8")
+    assert "SYNTHETIC" not in html
 
 
 @pytest.fixture(scope="module")
@@ -145,32 +187,23 @@ def test_verification_is_a_page_of_its_own_without_the_articles_numbers(not_the_
     assert re.findall(r"published|\b(?:article|paper)\b", said) == []
 
 
-def test_labels_alone_are_not_verified_and_that_is_no_omission(tmp_path):
+def test_labels_alone_and_a_study_without_verdict_omit_nothing(tmp_path):
+    # Labels alone are not verified and that is no omission
     study = fake_results.fake_study(tmp_path, sessions=False)
     missing = write_report(study, tmp_path / "nothing", tmp_path / "page.html")
     assert not any("verif" in words for words in missing)
     assert "Not run: a study of labels only" in (tmp_path / "page.html").read_text()
     assert not (tmp_path / "verification.html").exists()
 
-
-def test_a_study_that_leaves_the_verdict_out_misses_none(tmp_path):
-    study = fake_results.fake_study(tmp_path)
+    # A study that leaves the verdict out misses none
+    unjudged = tmp_path / "unjudged"
+    unjudged.mkdir()
+    study = fake_results.fake_study(unjudged)
     left_out = study.mismatch.model_copy(update={"judged": False})
     study = study.model_copy(update={"mismatch": left_out})
-    missing = write_report(study, tmp_path / "nothing", tmp_path / "page.html")
+    missing = write_report(study, unjudged / "nothing", unjudged / "page.html")
     assert not any("verdict" in words for words in missing)
-    assert "mismatch.judged: false" in (tmp_path / "page.html").read_text()
-
-
-def test_what_failed_or_was_left_out_is_named_with_its_reason(page):
-    failed = page[0].split('<section id="failed">')[1].split("</section>")[0]
-    assert fake_results.FAILED in failed
-    assert "no equilibrium at 1 mm after 4 halvings" in failed
-    assert "0.5" in failed  # the last good depth [mm]
-
-    # What was left out of a recording is listed
-    assert "Left out: force of 1 indentation" in page[0] and "No image is left out" in page[0]
-    assert "p00003" in page[0] and "record without gaps" in page[0]
+    assert "mismatch.judged: false" in (unjudged / "page.html").read_text()
 
 
 def test_synthetic_data_is_labelled_loudly(page):
@@ -182,19 +215,6 @@ def test_synthetic_data_is_labelled_loudly(page):
     assert origin.count("SYNTHETIC tests") == 2
     assert origin.count("SYNTHETIC recording") == 1
     assert {"SYNTHETIC image", "SYNTHETIC readings"} <= set(re.findall(r"SYNTHETIC \w+", page[0]))
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_measured_data_is_not_called_synthetic(tmp_path):
-    study = fake_results.fake_study(tmp_path)
-    folder = tmp_path / "results"
-    fake_results.write_cells(study, folder)
-    fake_results.write_session(study)
-    description = study.session_folder("day1") / "session.yaml"
-    description.write_text(description.read_text().replace("synthetic: true", "synthetic: false"))
-    write_report(study, folder, tmp_path / "page.html", tmp_path / "paper")
-    html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "SYNTHETIC" not in html
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -220,7 +240,8 @@ def test_labels_only_study_says_what_is_left_out(tmp_path):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_plan_without_centre_says_so(tmp_path):
+def test_a_plan_without_centre_or_another_sensor_is_not_compared(tmp_path):
+    # Plan without centre says so
     study = fake_results.fake_study(
         tmp_path, sessions=False, spacing=6.5
     )  # 4 x 4 positions, none at (16, 16)
@@ -230,20 +251,21 @@ def test_plan_without_centre_says_so(tmp_path):
     assert any("No curve at the centre" in words for words in missing)
     assert any("No curve at the corner" in words for words in missing)
 
-
-@pytest.mark.usefixtures("undrawn")
-def test_other_sensor_is_not_compared_with_the_paper(tmp_path):
-    study = fake_results.fake_study(tmp_path, sessions=False)
+    # Other sensor is not compared with the paper
+    other = tmp_path / "other"
+    other.mkdir()
+    study = fake_results.fake_study(other, sessions=False)
     study = study.model_copy(update={"indenter": study.indenter.model_copy(update={"radius_mm": 4.0})})
-    fake_results.write_cells(study, tmp_path / "results")
-    fake_tables.write_paper(tmp_path / "paper")
-    missing = write_report(study, tmp_path / "results", tmp_path / "page.html", tmp_path / "paper")
+    fake_results.write_cells(study, other / "results")
+    fake_tables.write_paper(other / "paper")
+    missing = write_report(study, other / "results", other / "page.html", other / "paper")
     assert any("differs from the paper's" in words for words in missing)
-    assert "published FEM" not in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "published FEM" not in (other / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_missing_cell_file_is_listed(tmp_path):
+def test_missing_cells_are_listed_and_an_empty_folder_still_gives_a_page(tmp_path):
+    # Missing cell file is listed
     study = fake_results.fake_study(tmp_path, sessions=False)
     folder = tmp_path / "results"
     fake_results.write_cells(study, folder)
@@ -256,13 +278,13 @@ def test_missing_cell_file_is_listed(tmp_path):
         assert part in failed
     assert "22 converged, 3 failed or missing" in html
 
-
-@pytest.mark.usefixtures("undrawn")
-def test_empty_results_folder_still_gives_a_page(tmp_path):
-    study = fake_results.fake_study(tmp_path)
-    missing = write_report(study, tmp_path / "nothing", tmp_path / "page.html", tmp_path / "paper")
+    # Empty results folder still gives a page
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    study = fake_results.fake_study(empty)
+    missing = write_report(study, empty / "nothing", empty / "page.html", empty / "paper")
     assert len(missing) >= 8
-    assert "25 sites failed or missing" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "25 sites failed or missing" in (empty / "page.html").read_text(encoding="utf-8")
 
 
 def test_same_inputs_give_the_same_bytes(tmp_path):
@@ -290,16 +312,6 @@ def test_cell_text(value, text):
     assert cell_text(value) == text
 
 
-def test_headings_and_code_are_written_as_html():
-    assert heading("x_N") == "x [N]"
-    assert heading("low_95") == "low 95"
-    assert heading("RMSES_x_N") == "RMSES x [N]"
-
-    # What stands between backticks is code and all else is escaped
-    assert code("`a < b` or <i>, 5`") == "<code>a &lt; b</code> or &lt;i&gt;, 5`"
-    assert code(3) == "3"
-
-
 def test_tables_have_the_papers_numbers_beside_them(whole):
     results = StudyResults(*whole)
     names = [*TABLES, "material"]
@@ -323,12 +335,3 @@ def test_tables_have_the_papers_numbers_beside_them(whole):
     assert row["paper"].tolist() == [-8.2915]
     assert material[material.quantity == "E"]["paper"].tolist() == [16.9, 370.2]
     assert material[material.quantity == "R2 uniaxial"]["paper"].isna().all()
-
-
-def test_glance_and_time_count_rows_and_seconds(page):
-    assert "124 rows (100 for training, 24 held out) in 1 shard" in page[0]
-
-    # Time per stage names stages and units
-    time = page[0].split('<section id="time">')[1].split("</section>")[0]
-    assert re.search(r">cells</td>\s*<td[^>]*>25<", time)
-    assert {"all jobs [s]", "largest memory [MB]"} <= set(re.findall(r"<th[^>]*>([^<]*)</th>", time))

@@ -26,7 +26,8 @@ def sentences(text: str) -> list[str]:
     return re.split(r"(?<=\.)\s+(?=[A-Z0-9])", text)
 
 
-def test_the_page_opens_with_five_sentences_and_a_table(whole):
+def test_the_page_opens_with_five_sentences_in_mN_and_N(whole):
+    # The page opens with five sentences and a table
     assert CHAPTERS[0] is result
     words, table = result(StudyResults(*whole)).blocks
     assert len(sentences(words.words)) == 5
@@ -40,8 +41,26 @@ def test_the_page_opens_with_five_sentences_and_a_table(whole):
     assert "differ by 11 %" in words.words  # readings are 1.12 of the simulated force
     assert "1 of 25 sites failed" in words.words
 
+    # Forces of bins are in mN and totals in N
+    results = StudyResults(*whole)
+    table = lambda name: in_units_of_the_page(name, results.table(name))  # noqa: E731
+    rmse = table("rmse").set_index("error")
+    assert list(rmse["unit"]) == ["mN", "mN", "mN", "N", "N"]
+    assert rmse.loc["RMSES", "z"] == pytest.approx(36) and rmse.loc["RMSET_FT", "z"] == pytest.approx(0.12)
+    ranges = table("force_ranges").set_index("quantity")
+    assert ranges.loc["force per bin", "z_min"] == pytest.approx(-140)
+    assert ranges.loc["total force", "z_min"] == pytest.approx(-1.46)
+    assert {"RMSES_z_mN", "total_Fz_rms_N"} <= set(table("baselines").columns)
+    assert {"bins_z_mN", "total_z_N"} <= set(table("error_budget").columns)
+    rows = pd.DataFrame(
+        {"quantity": ["bins, z: mean half width", "totals, z: mean half width"], "value": [0.004, 0.03]}
+    )
+    shown = in_units_of_the_page("reliability", rows.assign(unit="N"))
+    assert list(shown["value"]) == [4.0, 0.03] and list(shown["unit"]) == ["mN", "N"]
 
-def test_what_a_study_does_not_have_is_named_in_one_sentence(tmp_path):
+
+def test_what_a_study_does_not_have_is_named_and_without_result_there_is_no_table(tmp_path):
+    # What a study does not have is named in one sentence
     study = fake_results.fake_study(tmp_path, sessions=False)
     fake_results.write_cells(study, tmp_path / "results")
     words, table = result(StudyResults(study, tmp_path / "results", None)).blocks
@@ -49,9 +68,10 @@ def test_what_a_study_does_not_have_is_named_in_one_sentence(tmp_path):
     assert "not in this study: a network, readings of a force sensor, a verdict" in words.words
     assert len(table.rows) == 1
 
-
-def test_a_study_without_any_result_has_no_table(tmp_path):
-    (words,) = result(StudyResults(fake_results.fake_study(tmp_path), tmp_path / "nothing", None)).blocks
+    # A study without any result has no table
+    nothing = tmp_path / "nothing"
+    nothing.mkdir()
+    (words,) = result(StudyResults(fake_results.fake_study(nothing), nothing / "nothing", None)).blocks
     assert "25 of 25 sites failed or are missing" in words.words
 
 
@@ -73,29 +93,19 @@ def test_what_a_study_does_not_have_has_no_row(whole, tmp_path):
     assert not any("gel stiffness" in cell for row in table.rows for cell in row)
 
 
-def test_an_answer_has_probability_and_the_value_of_its_first_effect():
+def test_an_answer_has_its_probability_and_findings_of_one_kind_one_row():
+    # An answer has probability and the value of its first effect
     said = answer_text(Verdict.model_validate(fake_verdict.fake_content()))
     assert said.startswith(
         "gel stiffness (60 %) or force gain (30 %) or particle settling (10 %): 97 %; gel stiffness scale -9 %"
     )
 
-
-def test_forces_of_bins_are_in_mN_and_totals_in_N(whole):
-    results = StudyResults(*whole)
-    table = lambda name: in_units_of_the_page(name, results.table(name))  # noqa: E731
-    rmse = table("rmse").set_index("error")
-    assert list(rmse["unit"]) == ["mN", "mN", "mN", "N", "N"]
-    assert rmse.loc["RMSES", "z"] == pytest.approx(36) and rmse.loc["RMSET_FT", "z"] == pytest.approx(0.12)
-    ranges = table("force_ranges").set_index("quantity")
-    assert ranges.loc["force per bin", "z_min"] == pytest.approx(-140)
-    assert ranges.loc["total force", "z_min"] == pytest.approx(-1.46)
-    assert {"RMSES_z_mN", "total_Fz_rms_N"} <= set(table("baselines").columns)
-    assert {"bins_z_mN", "total_z_N"} <= set(table("error_budget").columns)
-    rows = pd.DataFrame(
-        {"quantity": ["bins, z: mean half width", "totals, z: mean half width"], "value": [0.004, 0.03]}
-    )
-    shown = in_units_of_the_page("reliability", rows.assign(unit="N"))
-    assert list(shown["value"]) == [4.0, 0.03] and list(shown["unit"]) == ["mN", "N"]
+    # Findings of one kind are one row
+    rows = [("day1", "note", "flow_lost", press, "flow", "of a.png fits", "press less") for press in "abc"]
+    rows += [("day1", "note", "axes", "", "axes", "never change", "")]
+    found = pd.DataFrame(rows, columns=["session", "level", "test", "press", "channel", "found", "remedy"])
+    table = kinds_table(found)
+    assert list(table["indentations"]) == [3, 0]
 
 
 def test_bins_are_in_mN_and_caveats_folded_on_the_page(page):
@@ -129,11 +139,3 @@ def test_a_fold_without_blocks_is_not_shown_and_onnx_is_one_line(tmp_path):
     (tmp_path / "model" / "onnx_check.json").write_text(json.dumps(found))
     _tell_onnx(chapter, results)
     assert "40 held-out images: bins differ by 5e-05 mN at most, of up to 140 mN" in chapter.blocks[0].words
-
-
-def test_findings_of_one_kind_are_one_row():
-    rows = [("day1", "note", "flow_lost", press, "flow", "of a.png fits", "press less") for press in "abc"]
-    rows += [("day1", "note", "axes", "", "axes", "never change", "")]
-    found = pd.DataFrame(rows, columns=["session", "level", "test", "press", "channel", "found", "remedy"])
-    table = kinds_table(found)
-    assert list(table["indentations"]) == [3, 0]

@@ -46,7 +46,8 @@ def both(case, now, former):
     return Both(truth, Scored("set_again", case, now, 3.0), Scored("set", case, former, 90.0))
 
 
-def test_both_judges_stand_beside_each_other():
+def test_both_judges_stand_side_by_side_with_strong_effects_first():
+    # Both judges stand beside each other
     cases = [both("c1", CLAIMED, HINT), both("c2", WRONG, CLAIMED)]
     table = strong_table(cases).set_index("one strong effect")
     assert table.loc[SURE, "today"].startswith("1/2") and table.loc[IN_ANSWER, "former judge"].startswith(
@@ -58,8 +59,7 @@ def test_both_judges_stand_beside_each_other():
     assert lost["case"] == "set c2" and lost["today"] == "identified: yaw 0.95"
     assert "90; 90" in report(cases)  # seconds of the former judge
 
-
-def test_strong_effects_come_first_then_nulls():
+    # Strong effects come first then nulls
     from validation.truths import read_truths
 
     truths = read_truths()

@@ -32,7 +32,8 @@ def effects(one):
     }
 
 
-def test_posterior_is_that_of_one_normal_distribution():
+def test_the_posterior_is_normal_and_names_the_effect_that_is_there():
+    # Posterior is that of one normal distribution
     one = table(lambda rows, base: 0.07 * base)
     A, on = np.concatenate([*effects(one).values()], axis=2), one.train
     K = _discrepancies(one, (3.0, 0.4, 2.0))
@@ -52,9 +53,7 @@ def test_posterior_is_that_of_one_normal_distribution():
     assert_allclose(spread, known, rtol=1e-7, atol=1e-9)
     assert evidence == pytest.approx(-0.5 * (y @ weights + np.linalg.slogdet(C)[1]))
 
-
-def test_it_names_the_effect_that_is_there_and_no_other():
-    one = table(lambda rows, base: 0.07 * base)
+    # It names the effect that is there and no other
     state, answer, after = kennedy_ohagan(one, effects(one))
     assert state == "identified" and answer[0][0] == ("force_gain",) and answer[0][1] > 0.99
     held_out = ~one.train

@@ -46,7 +46,8 @@ def test_stress_is_the_slope_of_the_energy_and_the_tangent_that_of_the_stress(la
             assert_allclose(turn, A[:, :, k, l], atol=1e-7 * np.abs(A).max())
 
 
-def test_a_bar_has_the_closed_form_of_ogden():
+def test_a_bar_has_ogdens_closed_form_and_the_thin_sensor_its_moduli():
+    # A bar has the closed form of ogden
     lam = 1.7
     F = np.diag([lam, lam**-0.5, lam**-0.5])[:, :, None, None]
     law = Ogden((0.08, -0.002), (2.9, -8.3))
@@ -54,6 +55,18 @@ def test_a_bar_has_the_closed_form_of_ogden():
     nominal = P[0, 0] - P[1, 1] * F[1, 1, 0, 0] / lam  # the pressure that keeps the sides free
     closed = sum(m * (lam ** (a - 1) - lam ** (-a / 2 - 1)) for m, a in zip(law.mu, law.alpha))
     assert nominal == pytest.approx(closed, rel=1e-12)
+
+    # The thin sensor states the moduli that felupe has. The sums over Ogden's terms of mu alpha / 2, and standard
+    # deviations of their doubts
+    for layer, (mu, alpha), factor in (("gel", GEL, THIN.plain.gel), ("skin", SKIN, THIN.plain.skin)):
+        stated = read_law(sets.CONFIG / f"thin_{layer}.json")
+        shear = factor * np.dot(mu, alpha) / 2
+        assert stated.law.shear_modulus == pytest.approx(shear, rel=1e-6)
+        (moved,) = moved_laws(stated, 1.0)
+        assert abs(moved.shear_modulus / shear - 1) == pytest.approx(
+            draw.BASES["thin"].doubts[layer],
+            rel=1e-5,  # moduli are rounded to 1e-6 kPa
+        )
 
 
 def plain(sessions: int = 1):
@@ -99,7 +112,8 @@ def test_a_stage_scatters_beside_the_contact_point_and_changes_no_other_draw(lib
     )
 
 
-def test_a_session_states_both_errors(library, tmp_path):
+def test_a_session_states_both_errors_and_is_read_by_the_package(library, tmp_path):
+    # A session states both errors
     rows, instrument = plain()
     for by, stage, said in (("session", 0.006, (0.006, 0.01)), ("press", 0.0, (0.01, 0.0))):
         known = replace(instrument, zero_by=by, touchdown_mm=0.01, stage_mm=stage)
@@ -108,6 +122,14 @@ def test_a_session_states_both_errors(library, tmp_path):
         session = load_session(folder / "session.yaml")
         assert (session.depth_zero.press_scatter_mm, session.depth_zero.session_scatter_mm) == said
         assert session.force.repeatability_N == pytest.approx(known.sigma_N, abs=1e-6)
+
+    # Recordings are read by the package
+    case = draw.make_case({"small": library}, "c000", "null", np.random.default_rng(0))
+    for folder in recording.write_recording(tmp_path, case.name, case.rows, case.readings, case.instrument):
+        read = read_recording(folder)
+        assert read.session.synthetic and read.session.base_parameters == "exact"
+        assert set(read.readings["phase"]) == {"zero", "load", "dwell", "unload"}
+    json.dumps(case.truth)  # what is sealed is JSON
 
 
 def test_every_ninth_press_is_the_sentinel():
@@ -136,8 +158,9 @@ def test_an_effect_vanishes_with_its_amount_and_is_felt_at_a_plausible_one(libra
     assert np.isfinite(change[1.0]).all() and np.abs(change[1.0]).max() > 2e-4
 
 
-def test_tilt_leads_deeper_where_the_sensor_rises(library):
-    """A turn about x raises large y: by y sin(1 deg) there, and the ball goes down aside by depth sin(1 deg)."""
+def test_tilt_leads_deeper_and_a_spring_takes_its_force_times_its_compliance(library):
+    # Tilt leads deeper where the sensor rises. A turn about x raises large y: by y sin(1 deg) there, and the ball
+    # goes down aside by depth sin(1 deg)
     rows, _ = plain()
     world = World(library)
     kinds.KINDS["turned body"].put(world, 1.0, {"x": 1.0, "y": 0.0})
@@ -148,10 +171,7 @@ def test_tilt_leads_deeper_where_the_sensor_rises(library):
     assert_allclose(lead, rows["y_mm"].to_numpy()[on] * s, atol=2e-3)
     assert_allclose(xy[on, 0], rows["x_mm"].to_numpy()[on], atol=1e-9)
 
-
-def test_a_series_spring_takes_its_force_times_its_compliance(library):
-    rows, _ = plain()
-    world = World(library)
+    # A series spring takes its force times its compliance
     kinds.KINDS["series spring"].put(world, 1.0, {"sign": 1.0})
     xy, depth = world.reached(rows, np.zeros(len(rows)))
     on = held(rows)
@@ -159,8 +179,9 @@ def test_a_series_spring_takes_its_force_times_its_compliance(library):
     assert_allclose(lost, -0.05 * world.elastic(xy, depth)[on, 2], atol=1e-9)
 
 
-def test_the_drawn_signal_is_the_wanted_one(library):
-    """Signals grow about in proportion, so three corrections bring them within a few per cent."""
+def test_the_drawn_signal_is_the_wanted_one_and_simplifications_can_be_taken_back(library):
+    # The drawn signal is the wanted one. Signals grow about in proportion, so three corrections bring them within a
+    # few per cent
     rows, instrument = plain()
     base = World(library)
     kind, drawn = kinds.KINDS["stretched grid"], {"sign": 1.0}
@@ -168,17 +189,17 @@ def test_the_drawn_signal_is_the_wanted_one(library):
     found = draw._signal(base, library, "concealed", [draw.Concealed(kind, size, drawn)], rows, instrument)
     assert found == pytest.approx(1.0, rel=0.02)
 
+    # A base with its simplification taken back is the plain one
+    rows, _ = plain()
+    for form in ("fitted laws", "smooth ball"):
+        kind = kinds.KINDS[form]
+        world = draw.base_world(library, kind.base)
+        kind.put(world, 1.0, {"sign": 1.0})
+        assert_allclose(world.forces(rows), World(library).forces(rows), atol=1e-12)
 
-def test_recordings_are_read_by_the_package(library, tmp_path):
-    case = draw.make_case({"small": library}, "c000", "null", np.random.default_rng(0))
-    for folder in recording.write_recording(tmp_path, case.name, case.rows, case.readings, case.instrument):
-        read = read_recording(folder)
-        assert read.session.synthetic and read.session.base_parameters == "exact"
-        assert set(read.readings["phase"]) == {"zero", "load", "dwell", "unload"}
-    json.dumps(case.truth)  # what is sealed is JSON
 
-
-def test_contents_are_as_many_as_asked_of_their_own_seeds(library):
+def test_contents_are_as_many_as_asked_without_slopes_under_balls_that_stick(library):
+    # Contents are as many as asked of their own seeds
     made = list(draw.cases({"small": library}, 5, {"null": 3, "single": 2, "pair": 2, "outside": 1}))
     assert sorted(case.content for case in made) == ["null"] * 3 + ["outside"] + ["pair"] * 2 + ["single"] * 2
     for case in made:
@@ -188,6 +209,12 @@ def test_contents_are_as_many_as_asked_of_their_own_seeds(library):
     # Reporting seeds are not development seeds
     assert draw.seed_of_commit("0123abc") >= draw.DEVELOPMENT
     assert draw.seed_of_commit("0123abc") != draw.seed_of_commit("0123abd")
+
+    # A slope under a ball that sticks is not made as without friction. Of a frictionless ball the force stands on
+    # the slope; of one that sticks it hardly turns
+    libraries = {"small": library}
+    assert {"wedge", "turned body"} <= set(draw.known_on(libraries, "concealed"))
+    assert not {"wedge", "turned body"} & set(draw.known_on(libraries, "rough"))
 
 
 @pytest.mark.parametrize("base", draw.BASES)
@@ -204,28 +231,6 @@ def test_every_base_is_a_study(base):
     rough = dict(draw.BASES[base].changes).get("friction", 0.0) * FRICTION
     assert study.mechanics.friction == body.friction + rough
     assert np.isclose(study.mechanics.effects.history.timing.step_mm, np.diff(sensor.plan.depths)).all()
-
-
-def test_the_thin_sensor_states_the_moduli_that_felupe_has():
-    """The sums over Ogden's terms of mu alpha / 2, and standard deviations of their doubts."""
-    for layer, (mu, alpha), factor in (("gel", GEL, THIN.plain.gel), ("skin", SKIN, THIN.plain.skin)):
-        stated = read_law(sets.CONFIG / f"thin_{layer}.json")
-        shear = factor * np.dot(mu, alpha) / 2
-        assert stated.law.shear_modulus == pytest.approx(shear, rel=1e-6)
-        (moved,) = moved_laws(stated, 1.0)
-        assert abs(moved.shear_modulus / shear - 1) == pytest.approx(
-            draw.BASES["thin"].doubts[layer],
-            rel=1e-5,  # moduli are rounded to 1e-6 kPa
-        )
-
-
-def test_a_base_with_its_simplification_taken_back_is_the_plain_one(library):
-    rows, _ = plain()
-    for form in ("fitted laws", "smooth ball"):
-        kind = kinds.KINDS[form]
-        world = draw.base_world(library, kind.base)
-        kind.put(world, 1.0, {"sign": 1.0})
-        assert_allclose(world.forces(rows), World(library).forces(rows), atol=1e-12)
 
 
 def test_the_signal_is_that_of_the_whole_covariance(library):
@@ -261,8 +266,9 @@ def test_baselines_can_put_every_kind(form, library):
         assert np.isfinite(world.forces(rows)).all()
 
 
-def test_friction_in_the_force_sensor_lags_by_the_mean_of_its_bands(library):
-    """Behind the force during loading, ahead during unloading, by 2 % of the recording's largest force; the rest clean."""
+def test_friction_lags_by_its_bands_and_backlash_behind_the_last_move(library):
+    # Friction in the force sensor lags by the mean of its bands. Behind the force during loading, ahead during
+    # unloading, by 2 % of the recording's largest force; the rest clean
     rows = presses.timeline(np.random.default_rng(1), PLAN, sessions=1)
     plain, rubbing = World(library), World(library)
     kinds.KINDS["play"].put(rubbing, 1.0, {"sign": 1.0})
@@ -275,9 +281,8 @@ def test_friction_in_the_force_sensor_lags_by_the_mean_of_its_bands(library):
     assert_allclose((after - before)[up, 2], np.sign(before[up, 2]) * half, rtol=1e-9)
     assert np.array_equal(after[:, :2], before[:, :2])
 
-
-def test_backlash_leaves_the_stage_behind_its_last_move(library):
-    """Moves of the plan are longer than the play, so each takes it up; a session begins in its middle."""
+    # Backlash leaves the stage behind its last move. Moves of the plan are longer than the play, so each takes it
+    # up; a session begins in its middle
     world, rows = World(library), presses.timeline(np.random.default_rng(1), PLAN, sessions=2)
     kinds.KINDS["backlash"].put(world, 1.0, {"x": 1.0, "y": 0.5})
     xy = world.reached(rows, np.zeros(len(rows)))[0]
@@ -330,13 +335,6 @@ def test_adhesion_on_a_half_space_is_johnson_kendall_and_roberts():
     assert_allclose(pull[:3, 2], expected, rtol=0.02)  # differences over 0.02 mm
     assert_allclose(expected[2], np.pi * RADIUS * w, rtol=0.1)  # to first order
     assert not pull[3].any() and not pull[:, :2].any()
-
-
-def test_a_slope_under_a_ball_that_sticks_is_not_made_as_without_friction(library):
-    """Of a frictionless ball the force stands on the slope; of one that sticks it hardly turns."""
-    libraries = {"small": library}
-    assert {"wedge", "turned body"} <= set(draw.known_on(libraries, "concealed"))
-    assert not {"wedge", "turned body"} & set(draw.known_on(libraries, "rough"))
 
 
 def test_separation_is_what_the_best_other_effect_leaves(library):

@@ -67,8 +67,13 @@ def test_an_archive_is_scored_as_its_answers_say(tmp_path):
     assert found["seconds, single: median; largest"] == "2; 2"
     assert found["pair: both identified"] == ""
 
+    # A table leaves out what no column has
+    found = table({"own": archived(write_archive(tmp_path), TRUTHS)})
+    assert "pair: both" not in found and "nulls: a mismatch is reported" in found
 
-def test_a_changed_verdict_and_the_truth_of_another_set_are_refused(tmp_path):
+
+def test_changed_verdicts_other_truths_and_missing_archives_are_named(tmp_path):
+    # A changed verdict and the truth of another set are refused
     with pytest.raises(sealing.SealBroken, match="c3"):
         archived(write_archive(tmp_path, spoilt="c3"), TRUTHS)
 
@@ -77,15 +82,15 @@ def test_a_changed_verdict_and_the_truth_of_another_set_are_refused(tmp_path):
     with pytest.raises(sealing.SealBroken, match="c2"):
         archived(write_archive(tmp_path), others)
 
-
-def test_sets_without_an_archive_are_named(tmp_path):
+    # Sets without an archive are named
     write_archive(tmp_path)
     said = report(tmp_path, {"twelfth": TRUTHS})
     assert "thirteenth" in said.splitlines()[0] and "twelfth" not in said.splitlines()[0]
 
 
-def test_items_of_one_case_widen_the_interval():
-    """Ten items of a case that are right or wrong together say as much as one: the interval is that of the cases."""
+def test_clustered_items_widen_the_interval_and_sure_claims_want_a_smaller_exponent():
+    # Items of one case widen the interval. Ten items of a case that are right or wrong together say as much as one:
+    # the interval is that of the cases
     cases = [[k % 4 > 0] * 10 for k in range(40)]
     rate, (low, high) = clustered(cases)
     assert rate == Rate(300, 400)
@@ -96,37 +101,31 @@ def test_items_of_one_case_widen_the_interval():
     assert clustered([[True, True]] * 9)[1] == Rate(9, 9).interval()
     assert clustered([[], []]) == (Rate(0, 0), (0.0, 1.0))
 
-
-def test_claims_that_are_too_sure_score_best_at_a_smaller_exponent():
-    """Of claims of 0.99 eight in ten are right: the best exponent takes the odds of 99 to 4."""
+    # Claims that are too sure score best at a smaller exponent. Of claims of 0.99 eight in ten are right: the best
+    # exponent takes the odds of 99 to 4
     p, right = np.full(100, 0.99), np.arange(100) % 5 > 0
     rows = by_exponent(p, right, exponents=(1.0, np.log(4) / np.log(99), 0.1))
     assert rows["log score"].idxmax() == 1
     assert list(rows["claims >= 0.9"]) == [100, 0, 0] and rows["right"][0] == 80
 
 
-def test_the_seventeenth_set_scores_as_when_it_was_opened():
-    """Of effects outside the catalogue six of six strong ones and seven of all 14 have no name; none is wrong with 0.9."""
+def test_the_seventeenth_set_and_the_page_of_results_are_as_printed():
+    # The seventeenth set scores as when it was opened. Of effects outside the catalogue six of six strong ones and
+    # seven of all 14 have no name; none is wrong with 0.9
     found = scores(archived(ARCHIVES / "seventeenth.tar.xz", read_truths()["seventeenth"]))
     assert found["outside the catalogue, SNR >= 8: not named"].startswith("6/6")
     assert found["outside the catalogue, all: not named"].startswith("7/14")
     assert found["wrong with 0.9 and more"].startswith("0/14")
 
-
-KEPT = ARCHIVES.parent / "pooled.md"
-
-
-def test_the_page_of_results_is_what_the_command_prints():
+    # The page of results is what the command prints
     assert PAGE.read_text(encoding="utf-8") == page(), (
         "docs/results/verdicts.md is old: python -m validation trust"
     )
 
 
+KEPT = ARCHIVES.parent / "pooled.md"
+
+
 @pytest.mark.thorough
 def test_pooled_md_is_what_the_command_prints():
     assert KEPT.read_text(encoding="utf-8") == report(ARCHIVES)
-
-
-def test_a_table_leaves_out_what_no_column_has(tmp_path):
-    found = table({"own": archived(write_archive(tmp_path), TRUTHS)})
-    assert "pair: both" not in found and "nulls: a mismatch is reported" in found

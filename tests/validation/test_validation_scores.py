@@ -18,7 +18,8 @@ def test_wilsons_interval_holds_the_rates_that_the_score_test_accepts(k, n):
     assert Rate(k, n).interval() == pytest.approx((low, high), abs=1e-9)
 
 
-def test_rates_medians_and_wrong_cases_are_counted():
+def test_rates_wrong_cases_and_claims_of_rivals_are_counted():
+    # Rates medians and wrong cases are counted
     assert Rate(0, 0).interval() == (0.0, 1.0)
 
     # How often the tests fire is counted on nulls whose p is known
@@ -33,6 +34,29 @@ def test_rates_medians_and_wrong_cases_are_counted():
     named = [(f"c{k}", {"effects": []}, judged) for k, judged in enumerate(CASES)]
     # a weak single that is called wrong is wrong; a weak one that is not seen would not be
     assert list(wrong_cases(named)["case"]) == ["c2", "c3", "c6", "c7", "c9", "c10", "c12"]
+
+    # Rivals lines and free forms count as claims
+    answer = [{"members": ["wedge"], "or_else": ["tilt"], "probability": 0.95}]
+    verdict = {"state": "identified", "answer": answer, "effects": []}
+    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
+    assert found.found == [True] and not found.first and not found.wrong_and_confident
+
+    # A line is claimed and the credible set is the answer
+    answer = [{"members": ["wedge"], "alternatives": ["tilt"], "probability": 0.95}]
+    verdict = {"state": "identified", "answer": answer, "effects": []}
+    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
+    assert found.answer == ((("wedge", "tilt"), 0.95),)
+    assert found.claims == ((("wedge",), 0.95),) and found.wrong_and_confident
+
+    # A cause with a free form is a claim and right of what it generalises
+    model = {"cause": "depth_map", "probability": 0.97}
+    verdict = {"state": "form_free", "answer": [], "effects": [], "model": model}
+    tilted = truth_of([[0, 0, 0]] * 2)
+    assert judged_from(tilted, verdict, None).found == [True]
+    other = tilted | {"effects": [tilted["effects"][0] | {"name": "yaw"}]}
+    assert judged_from(other, verdict, None).wrong_and_confident
+    for changed in ({"state": "modelled"}, {"model": model | {"probability": 0.6}}, {"model": None}):
+        assert judged_from(other, verdict | changed, None).claims == ()
 
 
 CASES = [
@@ -100,7 +124,8 @@ def truth_of(forces):
     }
 
 
-def test_held_out_gain_is_measured_against_the_truth():
+def test_gains_distances_and_intervals_are_measured_against_the_truth():
+    # Held out gain is measured against the truth
     truth = truth_of([[0, 0, -1.0], [0, 0, -2.0]])
     rows = pd.DataFrame(
         {"session": "c1_a", "time_s": [1.0, 2.0], "axis": ["z", "z"], "held_out": ["no", "positions"]}
@@ -110,8 +135,17 @@ def test_held_out_gain_is_measured_against_the_truth():
     )  # mean squares 16, 4, 1; the change is 0.5 N and 0.3 N of it are left
     assert (share, ratio, left) == (pytest.approx(12 / 15), pytest.approx(2.0), pytest.approx(0.6))
 
+    # Intervals count where the effect was found
+    verdict = {
+        "state": "identified", "answer": [{"members": ["tilt"], "probability": 0.99}], "where": [],
+        "effects": [{"name": "tilt", "amounts": [{"name": "about_x", "value": 0.48, "interval_90": [0.4, 0.6]}]}],
+    }  # fmt: skip
+    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
+    assert found.covered == (True,) and found.short == pytest.approx((0.02 * 3.29 / 0.2,))  # 0.5 is true
+    verdict["effects"][0]["amounts"][0]["interval_90"] = [0.51, 0.6]
+    assert judged_from(truth_of([[0, 0, 0]] * 2), verdict, None).covered == (False,)
 
-def test_a_claimed_defect_is_as_far_as_it_lies_from_the_true_one():
+    # A claimed defect is as far as it lies from the true one
     truth = truth_of([[0, 0, 0]] * 2)
     truth["effects"] = [
         {"name": "void", "snr": 10.0, "amounts": {}, "where": {"x_mm": 8.0, "y_mm": 9.0, "radius_mm": 1.0}}
@@ -125,17 +159,6 @@ def test_a_claimed_defect_is_as_far_as_it_lies_from_the_true_one():
     assert np.isnan(judged_from(truth, verdict | {"state": "ambiguous"}, None).distance_mm)
     other = verdict | {"answer": [{"members": ["yaw"], "probability": 0.99}]}
     assert np.isnan(judged_from(truth, other, None).distance_mm)
-
-
-def test_intervals_count_where_the_effect_was_found():
-    verdict = {
-        "state": "identified", "answer": [{"members": ["tilt"], "probability": 0.99}], "where": [],
-        "effects": [{"name": "tilt", "amounts": [{"name": "about_x", "value": 0.48, "interval_90": [0.4, 0.6]}]}],
-    }  # fmt: skip
-    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
-    assert found.covered == (True,) and found.short == pytest.approx((0.02 * 3.29 / 0.2,))  # 0.5 is true
-    verdict["effects"][0]["amounts"][0]["interval_90"] = [0.51, 0.6]
-    assert judged_from(truth_of([[0, 0, 0]] * 2), verdict, None).covered == (False,)
 
 
 @pytest.mark.parametrize(
@@ -156,27 +179,3 @@ def test_verdicts_of_the_former_format_are_read_in_the_words_of_this_one(former,
     verdict = {"state": former, "answer": answer if probability else [], "effects": []}
     found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
     assert found.state == now and found.found == [now == "identified"]
-
-
-def test_rivals_lines_and_free_forms_count_as_claims():
-    answer = [{"members": ["wedge"], "or_else": ["tilt"], "probability": 0.95}]
-    verdict = {"state": "identified", "answer": answer, "effects": []}
-    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
-    assert found.found == [True] and not found.first and not found.wrong_and_confident
-
-    # A line is claimed and the credible set is the answer
-    answer = [{"members": ["wedge"], "alternatives": ["tilt"], "probability": 0.95}]
-    verdict = {"state": "identified", "answer": answer, "effects": []}
-    found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
-    assert found.answer == ((("wedge", "tilt"), 0.95),)
-    assert found.claims == ((("wedge",), 0.95),) and found.wrong_and_confident
-
-    # A cause with a free form is a claim and right of what it generalises
-    model = {"cause": "depth_map", "probability": 0.97}
-    verdict = {"state": "form_free", "answer": [], "effects": [], "model": model}
-    tilted = truth_of([[0, 0, 0]] * 2)
-    assert judged_from(tilted, verdict, None).found == [True]
-    other = tilted | {"effects": [tilted["effects"][0] | {"name": "yaw"}]}
-    assert judged_from(other, verdict, None).wrong_and_confident
-    for changed in ({"state": "modelled"}, {"model": model | {"probability": 0.6}}, {"model": None}):
-        assert judged_from(other, verdict | changed, None).claims == ()

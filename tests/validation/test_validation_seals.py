@@ -79,7 +79,8 @@ def test_verdicts_come_back_into_a_set_that_is_generated_again(library, judged, 
     assert sets.judge(again, FAKE, say=lambda text: None) == 0
 
 
-def test_a_finished_set_is_packed_without_solutions(library, judged, tmp_path):
+def test_a_finished_set_is_packed_and_verdicts_of_another_refused(library, judged, tmp_path):
+    # A finished set is packed without solutions
     kept = judged.parent / "kept"
     kept.mkdir(exist_ok=True)
     (kept / "press.npz").write_bytes(b"solved")
@@ -89,20 +90,11 @@ def test_a_finished_set_is_packed_without_solutions(library, judged, tmp_path):
     assert [c["verdict"]["state"] for c in sets.opened(tmp_path / "again")] == ["null"] * 4
     assert not (tmp_path / "kept").exists()
 
-
-def test_verdicts_of_another_set_are_refused(library, judged, tmp_path):
+    # Verdicts of another set are refused
     archive.pack(judged, tmp_path / "small.tar.xz")
     sets.generate({"small": library}, tmp_path / "other", 4, NUMBERS)
     with pytest.raises(sealing.SealBroken, match="seed 3"):
         archive.unpack(tmp_path / "small.tar.xz", tmp_path / "other")
-
-
-def test_a_failed_judge_leaves_no_verdict(library, tmp_path):
-    folder = tmp_path / "sets" / "small"
-    sets.generate({"small": library}, folder, 3, NUMBERS)
-    sets.judge(folder, f"{sys.executable} -c 'raise SystemExit(3)'", limit=1, say=lambda text: None)
-    (case,) = sets.opened(folder)
-    assert case["verdict"] is None and case["code"] == 3
 
 
 def test_a_single_is_judged_again_without_its_effect(judged, monkeypatch):
@@ -133,8 +125,16 @@ def test_what_was_changed_is_refused(judged, what):
         sets.opened(judged)
 
 
-def test_a_seed_repeats_every_byte(library, tmp_path):
+def test_a_seed_repeats_every_byte_and_a_failed_judge_leaves_no_verdict(library, tmp_path):
+    # A seed repeats every byte
     first, again = (sets.generate({"small": library}, tmp_path / name, 3, NUMBERS) for name in ("a", "b"))
     assert first == again
     other = sets.generate({"small": library}, tmp_path / "c", 4, NUMBERS)
     assert all(other["cases"][c]["truth"] != first["cases"][c]["truth"] for c in first["cases"])
+
+    # A failed judge leaves no verdict
+    folder = tmp_path / "sets" / "small"
+    sets.generate({"small": library}, folder, 3, NUMBERS)
+    sets.judge(folder, f"{sys.executable} -c 'raise SystemExit(3)'", limit=1, say=lambda text: None)
+    (case,) = sets.opened(folder)
+    assert case["verdict"] is None and case["code"] == 3

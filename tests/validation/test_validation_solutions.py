@@ -63,8 +63,9 @@ def solved_again(tmp_path, monkeypatch, done):
     return path, asked, said
 
 
-def test_solving_goes_on_where_it_was_left(tmp_path, monkeypatch):
-    """One press is left out of the file; it alone is solved and added, by a press that is cut short here."""
+def test_solving_goes_on_where_it_was_left_and_tells_what_cannot_be_solved(tmp_path, monkeypatch):
+    # Solving goes on where it was left. One press is left out of the file; it alone is solved and added, by a press
+    # that is cut short here
     left_out = solves.base_setup(0.0, 0.0)
     done = Future()
     done.set_result(solves.read_solutions()[left_out])
@@ -72,8 +73,7 @@ def test_solving_goes_on_where_it_was_left(tmp_path, monkeypatch):
     assert asked == [left_out] and len(said) == 1
     assert np.array_equal(solves.read_solutions(path)[left_out].force_N, done.result().force_N)
 
-
-def test_a_press_that_cannot_be_solved_is_told_and_not_kept(tmp_path, monkeypatch):
+    # A press that cannot be solved is told and not kept
     failed = Future()
     failed.set_exception(ValueError("no equilibrium at 1.85 mm"))
     path, asked, said = solved_again(tmp_path, monkeypatch, failed)

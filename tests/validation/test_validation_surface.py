@@ -20,10 +20,26 @@ def pull(x):
     return 0.002 * x + 0.07 * np.maximum(x - 5.7, 0.0)
 
 
-def test_it_passes_through_what_was_solved():
+def test_it_passes_through_what_was_solved_without_swings_or_jumps():
+    # It passes through what was solved
     surface = over(pull, lambda y: 1 + 0.01 * y**2, sign=-1)
     x, y, depth = (a.ravel() for a in np.meshgrid(NODES, NODES, DEPTHS, indexing="ij"))
     assert_allclose(surface.at(x, y, depth), pull(x) * (1 + 0.01 * y**2) * (1 + depth), atol=1e-13)
+
+    # It does not swing beside a kink. A polynomial through all nodes falls below 0 and rises again there; between
+    # nodes the pull only grows
+    x = np.linspace(0.0, 6.8, 400)
+    found = over(pull, np.ones_like, sign=-1).at(x, 0 * x, 0 * x)
+    assert (np.diff(found) > 0).all() and found[0] == 0
+    # a kink between two nodes is rounded, by less than their chord passes next to it
+    assert np.abs(found - pull(x)).max() < 0.07 * (5.7 - 5.5) * (6.0 - 5.7) / (6.0 - 5.5)
+
+    # Over depth it is the nearest polynomial
+    jumps = np.broadcast_to(1 + DEPTHS + np.array([1, -4, 6, -4, 1]) * 1e-3, (7, 7, 5))
+    surface = Surface.through(NODES, DEPTHS, jumps, 3)
+    fit = np.polynomial.Polynomial.fit(DEPTHS, jumps[0, 0], 3)
+    depth = np.linspace(0.2, 1.6, 9)
+    assert_allclose(surface.at(0 * depth + 4.7, 0 * depth + 0.3, depth), fit(depth), rtol=1e-12)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -35,20 +51,3 @@ def test_it_has_the_symmetry_of_the_square(sign):
     assert_allclose(surface.at(x, -y, depth), surface.at(x, y, depth), atol=1e-13)
     alike = over(lambda x: np.cos(1.3 * x), lambda y: np.cos(1.3 * y))
     assert_allclose(alike.at(x, y, depth), alike.at(y, x, depth), atol=1e-13)
-
-
-def test_it_does_not_swing_beside_a_kink():
-    """A polynomial through all nodes falls below 0 and rises again there; between nodes the pull only grows."""
-    x = np.linspace(0.0, 6.8, 400)
-    found = over(pull, np.ones_like, sign=-1).at(x, 0 * x, 0 * x)
-    assert (np.diff(found) > 0).all() and found[0] == 0
-    # a kink between two nodes is rounded, by less than their chord passes next to it
-    assert np.abs(found - pull(x)).max() < 0.07 * (5.7 - 5.5) * (6.0 - 5.7) / (6.0 - 5.5)
-
-
-def test_over_depth_it_is_the_nearest_polynomial():
-    jumps = np.broadcast_to(1 + DEPTHS + np.array([1, -4, 6, -4, 1]) * 1e-3, (7, 7, 5))
-    surface = Surface.through(NODES, DEPTHS, jumps, 3)
-    fit = np.polynomial.Polynomial.fit(DEPTHS, jumps[0, 0], 3)
-    depth = np.linspace(0.2, 1.6, 9)
-    assert_allclose(surface.at(0 * depth + 4.7, 0 * depth + 0.3, depth), fit(depth), rtol=1e-12)

@@ -57,7 +57,8 @@ def still_active(executor, jobs):
     return asyncio.run(collect())
 
 
-def test_jobs_stay_active_while_nobody_can_tell_their_state():
+def test_jobs_stay_active_and_groups_ask_for_the_sum_of_their_jobs():
+    # Jobs stay active while nobody can tell their state
     kind = executor_class()
     jobs = [SimpleNamespace(state="running"), SimpleNamespace(state="done")]
     plain = kind()
@@ -70,6 +71,12 @@ def test_jobs_stay_active_while_nobody_can_tell_their_state():
     executor.answers = True
     assert still_active(executor, jobs) == jobs[:1]
     assert executor.reported == jobs[1:]
+
+    # A group asks for the sum of its jobs over its cores
+    assert group(*[36_000] * 16, *[500] * 112) == 6  # (16 x 36 + 112 x 0.5) / 2 + 36 = 352 s
+    assert group(*[36_000] * 16, attempt=2) == 12
+    assert group(36_000) == 1
+    assert group(36_000, None) == 99, "a job that says nothing: Snakemake's own sum"
 
 
 def test_the_plugin_has_what_is_changed():
@@ -100,13 +107,6 @@ def group(*each, cores=2, attempt=1):
     )
     patient_slurm.ask_for_group(job, rounded)
     return job._resources["runtime"]
-
-
-def test_a_group_asks_for_the_sum_of_its_jobs_over_its_cores():
-    assert group(*[36_000] * 16, *[500] * 112) == 6  # (16 x 36 + 112 x 0.5) / 2 + 36 = 352 s
-    assert group(*[36_000] * 16, attempt=2) == 12
-    assert group(36_000) == 1
-    assert group(36_000, None) == 99, "a job that says nothing: Snakemake's own sum"
 
 
 @pytest.mark.parametrize(

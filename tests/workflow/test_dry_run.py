@@ -91,14 +91,25 @@ def test_wrong_configurations_stop_before_any_job(checkout, change, words):
     assert not (checkout.folder / "results").exists()
 
 
-def test_a_missing_recording_is_named_before_any_job(checkout):
-    """A study of one's own: no virtual lab, a session whose folder is empty."""
+def test_missing_recordings_and_unusable_material_tests_stop_before_any_job(checkout):
+    # A missing recording is named before any job. A study of one's own: no virtual lab, a session whose folder is
+    # empty
     content = yaml.safe_load((checkout.folder / "config/test.yaml").read_text()) | {"virtual_lab": None}
     (checkout.folder / "config/own.yaml").write_text(yaml.safe_dump(content))
     refused = checkout.snakemake("--cores", "1", "--configfile", "config/own.yaml", check=False)
     assert refused.returncode == 1
     assert "data/test/recordings/morning/indentations.csv" in refused.stdout
     assert not (checkout.folder / "results").exists()
+
+    # A material test that cannot be used stops before its law is deleted
+    law = checkout.folder / "results/test/materials/ecoflex_gel/law.json"
+    law.parent.mkdir(parents=True)
+    law.write_text("made before")
+    edited(checkout.folder / "data/demo/materials/ecoflex_gel", "uniaxial_01.csv", "force_N", "force")
+    refused = checkout.snakemake("--cores", "1", *TEST, check=False)
+    assert refused.returncode == 1
+    assert "uniaxial_01.csv, row 2: columns ['force_N'] are missing" in refused.stdout
+    assert law.read_text() == "made before"
 
 
 @pytest.mark.thorough
@@ -196,17 +207,6 @@ def test_what_is_wrong_with_a_recording_stops_before_any_job(checkout, spoil, wo
     for word in words:
         assert word in refused.stdout
     assert not (checkout.folder / "results").exists()
-
-
-def test_a_material_test_that_cannot_be_used_stops_before_its_law_is_deleted(checkout):
-    law = checkout.folder / "results/test/materials/ecoflex_gel/law.json"
-    law.parent.mkdir(parents=True)
-    law.write_text("made before")
-    edited(checkout.folder / "data/demo/materials/ecoflex_gel", "uniaxial_01.csv", "force_N", "force")
-    refused = checkout.snakemake("--cores", "1", *TEST, check=False)
-    assert refused.returncode == 1
-    assert "uniaxial_01.csv, row 2: columns ['force_N'] are missing" in refused.stdout
-    assert law.read_text() == "made before"
 
 
 OWN = ("--configfile", "config/own.yaml")

@@ -186,13 +186,9 @@ def test_a_server_that_cannot_load_leaves_the_job_its_own_process(start, capfd):
     assert "ZeroDivisionError" in capfd.readouterr().err
 
 
-def test_nobody_there():
-    done = job("-", "--version")
-    assert done.communicate() == (f"{__version__}\n", "")
-
-
-def test_commands_of_the_rules_are_those_that_are_loaded_for():
-    """A command that is not listed works and loads everything in each of its forks."""
+def test_commands_of_the_rules_are_loaded_and_run_without_server_or_extra(monkeypatch):
+    # Commands of the rules are those that are loaded for. A command that is not listed works and loads everything
+    # in each of its forks
     rules = "".join(path.read_text() for path in (SCRIPT.parents[2] / "workflow/rules").glob("*.smk"))
     commands = set(re.findall(r"{GELFORGE:q} ([a-z-]+)", rules))
     assert "simulate" in commands
@@ -200,8 +196,11 @@ def test_commands_of_the_rules_are_those_that_are_loaded_for():
     assert commands - once == fork_server.SOLVING | set(fork_server.IMPORTS)
     assert all(find_spec(module) for module in fork_server.IMPORTS.values())
 
+    # Nobody there
+    done = job("-", "--version")
+    assert done.communicate() == (f"{__version__}\n", "")
 
-def test_an_extra_that_is_not_installed_does_not_end_the_server(monkeypatch):
-    """A study of labels alone makes its tables without PyTorch."""
+    # An extra that is not installed does not end the server. A study of labels alone makes its tables without
+    # PyTorch
     monkeypatch.setitem(fork_server.IMPORTS, "of an extra", "gelforge_needs_what_is_not_there")
     fork_server.load("of an extra")

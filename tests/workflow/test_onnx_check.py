@@ -68,8 +68,8 @@ def compare(finished, known):
     return check
 
 
-def test_forces_from_images_are_pytorchs(compare, tmp_path):
-    """Rounding of single precision apart, a thousandth of the limit."""
+def test_forces_from_images_are_pytorchs_of_the_same_model(compare, tmp_path):
+    # Forces from images are pytorchs. Rounding of single precision apart, a thousandth of the limit
     found = compare()
     assert found.touched == found.images > 0
     assert [output.output for output in found.outputs] == ["forces", "the check of totals"]
@@ -79,6 +79,10 @@ def test_forces_from_images_are_pytorchs(compare, tmp_path):
     assert written.pop("format") == FORMAT
     assert [Difference(**output) for output in written.pop("outputs")] == list(found.outputs)
     assert written == {name: value for name, value in asdict(found).items() if name != "outputs"}
+
+    # Predictions of another model are refused
+    with pytest.raises(ModelError, match="exported from another model"):
+        compare(sha256="0" * 64)
 
 
 @pytest.mark.parametrize(
@@ -97,8 +101,3 @@ def test_a_difference_fails_and_is_named(compare, known, mistake, named):
         compare(mistake(known[1]))
     assert named in str(found.value)
     assert "\n" not in str(found.value)
-
-
-def test_predictions_of_another_model_are_refused(compare):
-    with pytest.raises(ModelError, match="exported from another model"):
-        compare(sha256="0" * 64)

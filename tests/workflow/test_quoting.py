@@ -37,7 +37,8 @@ def hostile(tmp_path) -> Checkout:
     return checkout
 
 
-def test_a_folder_named_like_a_command_is_one_word_of_every_command(hostile):
+def test_a_folder_named_like_a_command_is_one_word_and_braces_are_refused(hostile):
+    # A folder named like a command is one word of every command
     printed = hostile.snakemake("-n", "--printshellcmds", *OWN).stdout
     commands = [shlex.split(line.strip()) for line in printed.splitlines() if "fork_server.py" in line]
     words = [word for command in commands for word in command]
@@ -46,8 +47,7 @@ def test_a_folder_named_like_a_command_is_one_word_of_every_command(hostile):
     assert sum(word.startswith(f"{HOSTILE}/virtual_truth/") for word in words) == 3
     assert not [word for word in words if "touch" in word and not word.startswith(HOSTILE)]
 
-
-def test_braces_are_refused_in_one_line(hostile):
+    # Braces are refused in one line
     hostile.move_data("data/{cell}", OWN[1])
     refused = hostile.snakemake("-n", *OWN, check=False)
     assert refused.returncode == 1

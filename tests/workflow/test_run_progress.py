@@ -53,8 +53,17 @@ def seconds_left(run):
     return int(re.search(r"about (\d+) s left", run.lines.text())[1])
 
 
-def test_the_time_left_starts_as_what_the_jobs_are_expected_to_take(run):
+def test_the_time_left_starts_as_expected_and_a_long_job_brings_the_end_nearer(run):
+    # The time left starts as what the jobs are expected to take
     assert seconds_left(run) == pytest.approx(23 / 2, abs=0.6)  # 23 core seconds on two cores
+
+    # A long job brings the end nearer while it runs
+    begin(run, 2)
+    before = seconds_left(run)
+    run.clock.now += 8.0
+    assert seconds_left(run) < before
+    run.clock.now += 100.0
+    assert seconds_left(run) >= 1  # overdue, and not done
 
 
 def test_the_time_left_follows_the_pace_of_the_run(run):
@@ -65,15 +74,6 @@ def test_the_time_left_follows_the_pace_of_the_run(run):
         finish(run, job)
     expected, true = 12 / 2, 4 * 12 / 2
     assert expected < seconds_left(run) < true
-
-
-def test_a_long_job_brings_the_end_nearer_while_it_runs(run):
-    begin(run, 2)
-    before = seconds_left(run)
-    run.clock.now += 8.0
-    assert seconds_left(run) < before
-    run.clock.now += 100.0
-    assert seconds_left(run) >= 1  # overdue, and not done
 
 
 def test_errors_last_words_and_stages_are_shown(run):

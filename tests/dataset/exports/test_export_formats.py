@@ -104,15 +104,10 @@ def test_datasets_takes_no_split_from_the_shards_themselves(made_once, tmp_path)
 
 
 # --------------------------------------------------------------------------------------------- croissant
-def test_croissant_of_the_export_and_of_the_shards_has_no_errors(exported, made_once):
-    croissant = pytest.importorskip("mlcroissant", reason="mlcroissant is not installed")
-    for file in (exported("croissant") / "croissant.json", made_once.folder / "croissant.json"):
-        found = croissant.Dataset(jsonld=str(file)).metadata
-        assert not found.issues.errors
-        assert found.ctx.conforms_to.value.endswith("croissant/1.1")
 
 
-def test_mlcroissant_reads_every_row(exported, expected):
+def test_mlcroissant_reads_every_row_without_errors(exported, expected, made_once):
+    # Mlcroissant reads every row
     croissant = pytest.importorskip("mlcroissant", reason="mlcroissant is not installed")
     dataset = croissant.Dataset(jsonld=str(exported("croissant") / "croissant.json"))
     rows = {}
@@ -127,6 +122,12 @@ def test_mlcroissant_reads_every_row(exported, expected):
             assert_array_equal(found.reshape(wanted.shape), wanted)
         shown = [np.array(one["rows/image"]) for one in rows[split]]
         assert_array_equal(shown, [grey(content) for content in expected[split]["image"]])
+
+    # Croissant of the export and of the shards has no errors
+    for file in (exported("croissant") / "croissant.json", made_once.folder / "croissant.json"):
+        found = croissant.Dataset(jsonld=str(file)).metadata
+        assert not found.issues.errors
+        assert found.ctx.conforms_to.value.endswith("croissant/1.1")
 
 
 def test_croissant_names_columns_and_files(exported, made_once):
@@ -201,7 +202,8 @@ def test_lerobot_loads_forces_wrench_and_images(exported, made_once, monkeypatch
 
 
 # --------------------------------------------------------------------------------------------- robomimic
-def test_robomimic_demonstrations_and_masks(exported, made_once):
+def test_robomimic_has_demonstrations_and_masks_and_other_images_become_png(exported, made_once, tmp_path):
+    # Robomimic demonstrations and masks
     source = made_once.source
     with h5py.File(exported("robomimic") / "demonstrations.hdf5") as file:
         assert file["data"].attrs["total"] == len(source.rows)
@@ -222,8 +224,7 @@ def test_robomimic_demonstrations_and_masks(exported, made_once):
                     else:
                         assert_array_equal(demonstration[f"obs/{column}"][:], rows[column])
 
-
-def test_an_image_of_another_kind_becomes_png_without_loss(tmp_path):
+    # An image of another kind becomes png without loss
     from gelforge.dataset.exports.images import RowImages
     from gelforge.files import file_sha256
 

@@ -61,8 +61,8 @@ def test_a_sample_holds_its_share_of_every_split_and_keeps_its_size(made_once, t
     assert list(tmp_path.iterdir()) == []
 
 
-def test_resultant_of_one_bin_and_of_a_dome():
-    """Moments by hand: a bin's force at its centre, about the sensor's middle."""
+def test_the_resultant_is_computed_by_hand_and_a_missing_library_named():
+    # Resultant of one bin and of a dome. Moments by hand: a bin's force at its centre, about the sensor's middle
     layers = [{"name": "gel", "thickness_mm": 6.0, "material": "soft"}]
     block = Sensor(layers=layers, bins={"nx": 4, "ny": 2})  # 32 x 32 mm: bins of 8 x 16
     forces = np.zeros((1, 8, 3))
@@ -72,6 +72,10 @@ def test_resultant_of_one_bin_and_of_a_dome():
     dome = Sensor(layers=layers, bins={"nx": 4, "ny": 2}, shape={"kind": "dome"})
     z = 6 * (np.sqrt(1 - (12**2 + 8**2) / 16**2) - 1)
     assert_allclose(wrench(forces, forces.sum(axis=1), dome), [[1, 0, -2, 16, 24 + z, 8]])
+
+    # A library that is not there is named with its remedy
+    with pytest.raises(DatasetError, match=r"no_such_library.*pip install 'gelforge\[export\]'"):
+        library("no_such_library")
 
 
 def test_labels_only_are_exported_by_cell(tmp_path):
@@ -126,7 +130,8 @@ def test_images_or_shards_that_have_changed_are_refused(made_once, tmp_path):
 
 
 # ----------------------------------------------------------------------------------------- whole or absent
-def test_a_folder_appears_when_it_is_whole(tmp_path):
+def test_a_folder_appears_when_it_is_whole_also_after_a_killed_export(tmp_path):
+    # A folder appears when it is whole
     def broken():
         with whole_folder(tmp_path / "out") as folder:
             (folder / "a").write_text("a")
@@ -142,24 +147,20 @@ def test_a_folder_appears_when_it_is_whole(tmp_path):
     with pytest.raises(DatasetError, match="exists already"), whole_folder(tmp_path / "out"):
         pass
 
-
-def test_a_killed_export_leaves_nothing_that_the_next_does_not_remove(tmp_path):
+    # A killed export leaves nothing that the next does not remove
+    killed = tmp_path / "killed"
+    killed.mkdir()
     code = (
         "import os, sys; from gelforge.dataset.exports.export import whole_folder\n"
         "with whole_folder(sys.argv[1]) as folder:\n"
         "    (folder / 'half').write_text('x'); os.kill(os.getpid(), 9)"
     )
-    subprocess.run([sys.executable, "-c", code, str(tmp_path / "out")], check=False)
-    assert not (tmp_path / "out").exists()
-    assert len(list(tmp_path.iterdir())) == 1
-    with whole_folder(tmp_path / "out") as folder:
+    subprocess.run([sys.executable, "-c", code, str(killed / "out")], check=False)
+    assert not (killed / "out").exists()
+    assert len(list(killed.iterdir())) == 1
+    with whole_folder(killed / "out") as folder:
         (folder / "a").write_text("a")
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
-def test_a_library_that_is_not_there_is_named_with_its_remedy():
-    with pytest.raises(DatasetError, match=r"no_such_library.*pip install 'gelforge\[export\]'"):
-        library("no_such_library")
+    assert [path.name for path in killed.iterdir()] == ["out"]
 
 
 # -------------------------------------------------------------------------------------------- command line

@@ -37,18 +37,17 @@ def test_a_loader_with_workers_gives_whole_batches(made_once, expected):
     assert [name for b in batches for name in b["cell"]] == expected["train"]["cell"].tolist()
 
 
-def test_what_does_not_exist_is_refused(made_once, tmp_path):
+def test_the_card_says_how_to_load_and_what_does_not_exist_is_refused(made_once, tmp_path):
+    # The card says how to load. The ten lines of the card run as they stand
+    text = (made_once.folder / "README.md").read_text()
+    code = text.split("```python\n")[1].split("```")[0]
+    assert 8 <= len(code.strip().splitlines()) <= 11
+    exec(code.replace("FOLDER", str(made_once.folder)), {})
+
+    # What does not exist is refused
     with pytest.raises(DatasetError, match="no split 'valid'"):
         gelforge.load_dataset(made_once.folder, "valid")
     with pytest.raises(DatasetError, match=r"no columns \['force'\]"):
         gelforge.load_dataset(made_once.folder, "train", ["force"])
     with pytest.raises(DatasetError, match=r"no dataset with manifest\.json"):
         gelforge.load_dataset(tmp_path, "train")
-
-
-def test_the_card_says_how_to_load(made_once):
-    """The ten lines of the card run as they stand."""
-    text = (made_once.folder / "README.md").read_text()
-    code = text.split("```python\n")[1].split("```")[0]
-    assert 8 <= len(code.strip().splitlines()) <= 11
-    exec(code.replace("FOLDER", str(made_once.folder)), {})
