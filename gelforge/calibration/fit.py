@@ -69,7 +69,7 @@ class Linear:
         """
         far = self._screened(self.problem, mask)
         errors = replace(self.problem, change_error=FORM_ERROR)
-        uncertain = errors.with_model_error(terms_of(self.problem.candidates, far.amounts - self.at))
+        uncertain = errors.with_model_error(terms_of(self.problem.candidates, far.theta - self.at))
         from_means = replace(
             uncertain,
             change_error=0.0,
@@ -157,7 +157,7 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
     across = False
     for solved in range(1, MOST + 1):
         fit = linear.fitted(every)
-        a = np.concatenate(fit.amounts)
+        a = np.concatenate(fit.theta)
         sd = np.sqrt(np.diag(fit.covariance))
         converged = bool(np.all(np.abs(a - linear.at) <= ENOUGH * sd))
         if across and (converged or solved == MOST):
@@ -170,7 +170,7 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
         )
         linear = _reached(solver, observations, free, linear, a)
     block, held_out = held_out_of(linear.problem, solver.study.seed)
-    a_trained = np.concatenate(linear.fitted(~held_out).amounts) if held_out.any() else a
+    a_trained = np.concatenate(linear.fitted(~held_out).theta) if held_out.any() else a
     test = global_test(linear.left(a), linear.problem.covariance, linear.columns)
     return Fit(free, a, fit.covariance, start, linear, solved, converged, block, held_out, a_trained, test.p)
 

@@ -40,7 +40,9 @@ SURE = 0.9
 # identified: right answers come below 0.01 in two of a hundred by chance alone, and effects outside the catalogue that come
 # below it do so by far (docs/mismatch-method.md).
 ADEQUATE_P, LEFT_P = 0.01, 0.002
-NEGLIGIBLE = round(1 - SURE, 12)  # probability below which no effect is solved, and no credible set is reported
+NEGLIGIBLE = round(
+    1 - SURE, 12
+)  # probability below which no effect is solved, and no credible set is reported
 # Of an effect's probability, which its credible set holds: the usual level. The set that holds the truth then has one or two
 # effects in the median and 3 to 5 at most in nine of ten cases (docs/results/verdicts.md).
 CREDIBLE = 0.95
@@ -83,7 +85,7 @@ FEW_SITES = round(1 / HELD_OUT)  # below which a quarter of the sites is none
 REACH = 12.0
 MOST_WITH_ERROR = 50  # such sets
 BEAM = 30  # pairs that a third effect is tried next to
-BESIDE = 6  # best sets next to which a discrepancy is weighed
+SETS_WITH_DISCREPANCY = 6  # best sets next to which a discrepancy is weighed
 # Standard deviations of a change's own error, below which it moves no evidence: its log moves by 0.1^2 / 2 = 0.005, far
 # below what is worth a mention (Kass and Raftery 1995).
 NOTICED = 0.1

@@ -34,7 +34,7 @@ def solver(folder, friction, turns_with="sensor"):
 
 @cache
 def solved(friction, effect, x, y):
-    """Return the force (3,) [N] in the sensor's axes with both amounts of an effect."""
+    """Return the force (3,) [N] in the sensor's axes with both values of an effect."""
     study = CATALOGUE[effect].to_study(solver(None, friction).coarse, {}, (x, y))
     cell = simulate_cell(study, specimens.STUDY_LAWS, PRESSED)
     assert cell.converged

@@ -60,7 +60,7 @@ def test_of_one_or_two_sites_the_deepest_readings_are_set_aside():
 
 
 def test_scores_are_those_of_dense_matrices(world):
-    """With the amounts' posterior from the training readings the scores add up to ln p(all) - ln p(training)."""
+    """With the values' posterior from the training readings the scores add up to ln p(all) - ln p(training)."""
     labels, covariance, candidates = world
     drift = candidates[4]
     rng = np.random.default_rng(0)
@@ -90,9 +90,9 @@ def chosen_gain(r, covariance, candidates, blocks):
     t = blocks.train
     part = [replace(candidate, columns=candidate.columns[t]) for candidate in candidates]
     best = screened(r[t], covariance.restricted(t), part)[0]
-    name, shape = best.name, best.parts[0].shape
-    columns = next(c.columns for c in candidates if (c.name, c.shape) == (name, shape))
-    change = columns @ best.amounts
+    name, hyperparameters = best.name, best.parts[0].hyperparameters
+    columns = next(c.columns for c in candidates if (c.name, c.hyperparameters) == (name, hyperparameters))
+    change = columns @ best.theta
     before = predictive_scores(Prediction(r, covariance), blocks, change)
     after = predictive_scores(Prediction(r - change, covariance, columns, best.covariance), blocks)
     return name, gain(sum(before.values()), sum(after.values()))

@@ -53,7 +53,7 @@ def test_scan_is_calibrated_without_a_mismatch(recording, nulls):
 
 
 def test_what_was_fitted_neither_helps_nor_harms(recording, nulls):
-    """Adequacy of a model with fitted amounts: uniform p again, of the global test and of the scan."""
+    """Adequacy of a model with fitted values: uniform p again, of the global test and of the scan."""
     labels, base, covariance, _ = recording
     time = (labels["time_s"] / labels["time_s"].max()).to_numpy()
     J = np.column_stack([base, base * time, *[time * (labels["axis"] == k) for k in range(3)]])

@@ -27,10 +27,10 @@ def calmed(context):
 
 
 def strong(name):
-    """Return a context that hides four plausible amounts of an effect."""
+    """Return a context that hides four plausible values of an effect."""
     base, effect = artificial.context(11, per_side=3), CATALOGUE[name]
-    amounts = [4 * p.width * (p.sign or 1) for p in effect.parameters]
-    return artificial.with_effect(base, name, amounts, np.random.default_rng(12))
+    theta = [4 * p.width * (p.sign or 1) for p in effect.parameters]
+    return artificial.with_effect(base, name, theta, np.random.default_rng(12))
 
 
 def test_how_far_is_what_the_other_readings_say_of_one():

@@ -90,7 +90,7 @@ def test_scores_of_a_hand_made_set(name, k, n):
 
 def truth_of(forces):
     readings = {"session": [0, 0], "press": ["p0", "p0"], "phase": ["load", "load"], "time_s": [1.0, 2.0]}
-    effect = {"name": "tilt", "snr": 10.0, "amounts": {"about_x": 0.5}}
+    effect = {"name": "tilt", "snr": 10.0, "parameters": {"about_x": 0.5}}
     return {
         "case": "c1",
         "content": "single",
@@ -114,12 +114,12 @@ def test_held_out_gain_is_measured_against_the_truth():
 def test_a_claimed_defect_is_as_far_as_it_lies_from_the_true_one():
     truth = truth_of([[0, 0, 0]] * 2)
     truth["effects"] = [
-        {"name": "void", "snr": 10.0, "amounts": {}, "where": {"x_mm": 8.0, "y_mm": 9.0, "radius_mm": 1.0}}
+        {"name": "void", "snr": 10.0, "parameters": {}, "where": {"x_mm": 8.0, "y_mm": 9.0, "radius_mm": 1.0}}
     ]
     place = {"x_mm": 5.0, "y_mm": 13.0, "z_mm": -3.0, "radius_mm": 1.2}
     verdict = {
         "state": "identified", "answer": [{"members": ["inclusion", "void"], "probability": 0.99}],
-        "effects": [{"name": "void", "shape": place}, {"name": "yaw", "shape": {}}],
+        "effects": [{"name": "void", "hyperparameters": place}, {"name": "yaw", "hyperparameters": {}}],
     }  # fmt: skip
     assert judged_from(truth, verdict, None).distance_mm == pytest.approx(5.0)
     assert np.isnan(judged_from(truth, verdict | {"state": "ambiguous"}, None).distance_mm)
@@ -130,11 +130,11 @@ def test_a_claimed_defect_is_as_far_as_it_lies_from_the_true_one():
 def test_intervals_count_where_the_effect_was_found():
     verdict = {
         "state": "identified", "answer": [{"members": ["tilt"], "probability": 0.99}], "where": [],
-        "effects": [{"name": "tilt", "amounts": [{"name": "about_x", "value": 0.48, "interval_90": [0.4, 0.6]}]}],
+        "effects": [{"name": "tilt", "parameters": [{"name": "about_x", "value": 0.48, "interval_90": [0.4, 0.6]}]}],
     }  # fmt: skip
     found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
     assert found.covered == (True,) and found.short == pytest.approx((0.02 * 3.29 / 0.2,))  # 0.5 is true
-    verdict["effects"][0]["amounts"][0]["interval_90"] = [0.51, 0.6]
+    verdict["effects"][0]["parameters"][0]["interval_90"] = [0.51, 0.6]
     assert judged_from(truth_of([[0, 0, 0]] * 2), verdict, None).covered == (False,)
 
 
