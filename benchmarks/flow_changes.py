@@ -37,7 +37,7 @@ from gelforge.mismatch.images.flow_images import (
     mean_motion,
     seen_flows,
 )
-from gelforge.mismatch.images.flow_model import Moved, each_moved
+from gelforge.mismatch.images.flow_model import Moved, motions_of
 
 SEED = 77
 NEAR_PX = 120.0  # from the indenter: the regions that move most lie within
@@ -153,7 +153,7 @@ def _print_meshes(seen, sites: Sequence[PlannedCell], study: Study, kept: Path, 
             on_it = stiffer.model_copy(
                 update={"mechanics": stiffer.mechanics.model_copy(update={"mesh": mesh})}
             )
-            moved = each_moved(solver, on_it, paths)
+            moved = motions_of(solver, on_it, paths)
             solved[gel] = np.stack([_motion(s, m, p, even) for s, m, p in zip(seen[1.0], moved, paths)])
         off = [_off(solved[1.0], true[1.0])]
         off += [_off(solved[gel] - solved[1.0], true[gel] - true[1.0]) for gel in _gels()[1:]]

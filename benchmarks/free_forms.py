@@ -260,7 +260,7 @@ def said(found: Judgement) -> str:
     if found.model is not None:
         cause = found.model.module.name if found.model.module is not None else found.model.kernel.words
         parts.append(f"{cause} {found.model.probability:.2f}")
-    alone = found.model is not None and not found.model.beside and found.model.sure
+    alone = found.model is not None and not found.model.with_effects and found.model.sure
     if found.answer is not None and not alone:
         parts += [f"{' | '.join(g.names)} {g.probability:.2f}" for g in found.answer.groups]
     return "; ".join(parts)

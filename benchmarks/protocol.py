@@ -30,7 +30,7 @@ from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of, forces_with
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.readings.observations import Observations
-from gelforge.mismatch.summary.findings import own_values, value_entries
+from gelforge.mismatch.summary.findings import value_entries, values_of
 
 DEPTHS = (0.4, 0.8, 1.2)  # mm
 ANALYSIS_MM, TRUTH_MM = 0.4, 0.35  # elements under the ball
@@ -55,8 +55,8 @@ class Intervention:
 
     done: str
     effect: str
-    amounts: tuple[float, ...]
-    shape: dict
+    theta: tuple[float, ...]
+    hyperparameters: dict
     friction: float = 0.0
     speeds: tuple[float, ...] = (SLOW,)
     temperatures: tuple[float, ...] = (COOL,)
@@ -134,13 +134,13 @@ def true_forces(case: Intervention, solver: Solver, planned: Observations) -> tu
     What changes the body or the way of the indenter is solved by itself; what takes time, or reads the force otherwise, is
     added to the plain sensor's forces.
     """
-    effect, amounts = CATALOGUE[case.effect], np.array(case.amounts)
+    effect, theta = CATALOGUE[case.effect], np.array(case.theta)
     base = base_of(solver, planned, [])
     if effect.solved and effect.family != "history":
-        changed = effect.to_study(solver.study, case.shape, tuple(amounts))
+        changed = effect.to_study(solver.study, case.hyperparameters, tuple(theta))
         force = base_of(replace(solver, study=changed), planned, []).context.force
     else:
-        force = forces_with(solver, base, [(effect, case.shape, amounts)])
+        force = forces_with(solver, base, [(effect, case.hyperparameters, theta)])
     presses, which = np.unique(planned.table["press"], return_inverse=True)
     off = np.random.default_rng(SEED + 1).normal(0, PRESS_MM, len(presses))[which]
     return force + off[:, None] * base.context.slope(), force - base.context.force
@@ -171,7 +171,7 @@ def row_of(name: str, folder: Path, kept: Path) -> dict:
         "state": found.state,
         "said": said(found),
         "value and 90 %": value_of(problem, found, case),
-        "true": ", ".join(f"{a:g}" for a in case.amounts),
+        "true": ", ".join(f"{a:g}" for a in case.theta),
         "s": time.perf_counter() - began,
     }
 
@@ -189,12 +189,11 @@ def value_of(problem, found, case: Intervention) -> str:
         return ""
     k = own.index(True)
     part = fit.parts[k]
-    _, amounts, spread = own_values(fit, part.name)
-    entries = value_entries(problem.effects[part.name].parameters, amounts, spread)
+    _, theta, spread = values_of(fit, part.name)
+    entries = value_entries(problem.effects[part.name].parameters, theta, spread)
     words = [f"{e.value:.3g} ({e.interval_90[0]:.3g} to {e.interval_90[1]:.3g})" for e in entries]
-    words += (
-        [", ".join(f"{key} {float(v):.2f}" for key, v in part.shape.items())] if "x_mm" in part.shape else []
-    )
+    if part.located:
+        words.append(", ".join(f"{key} {float(v):.2f}" for key, v in part.hyperparameters.items()))
     return "; ".join(words) + ("" if part.name == case.effect else f", {part.name}")
 
 

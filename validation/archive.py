@@ -15,6 +15,14 @@ from .sealing import JUDGED, REGISTER, SEALED
 
 ARCHIVES = Path(__file__).parent / "judged"
 KEPT = "kept"
+# Keys of an effect in verdicts and truths of former formats, and those of today
+KEYS = {"amounts": "parameters", "shape": "hyperparameters"}
+
+
+def with_current_keys(document: dict) -> dict:
+    """Return a verdict or a truth whose effects have the keys of today's format."""
+    effects = [{KEYS.get(key, key): value for key, value in effect.items()} for effect in document["effects"]]
+    return {**document, "effects": effects}
 
 
 def pack(folder: Path, archive: Path, finished: bool = False) -> int:

@@ -152,9 +152,9 @@ def stepwise_bic(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, tup
 def kennedy_ohagan(table: Table, columns: dict[str, np.ndarray]) -> tuple[str, tuple, np.ndarray]:
     """Return state, answer and forces of all effects calibrated at once next to a discrepancy (Kennedy & O'Hagan 2001).
 
-    Amounts have the prior N(0, 1) in units of plausible ones, the discrepancy is a Gaussian process over place and depth by
+    Values have the prior N(0, 1) in units of plausible ones, the discrepancy is a Gaussian process over place and depth by
     axis, with the length scales and size of most evidence, or none. All is linear and normal, so the posterior is exact. An
-    effect is in the answer with the probability of its amounts' credible region that just leaves 0 out.
+    effect is in the answer with the probability of its values' credible region that just leaves 0 out.
     """
     names, on = list(columns), table.train
     A = np.concatenate([columns[name] for name in names], axis=2)
@@ -188,7 +188,7 @@ def _discrepancies(table: Table, process: tuple | None) -> list[np.ndarray]:
 
 
 def _calibrated(table: Table, A: np.ndarray, K: list[np.ndarray], on: np.ndarray) -> tuple:
-    """Return log evidence, mean and covariance of the amounts, and the forces (R, 3) [N] that chosen readings predict."""
+    """Return log evidence, mean and covariance of the values, and the forces (R, 3) [N] that chosen readings predict."""
     p = A.shape[2]
     H, b, fit, evidence = np.eye(p), np.zeros(p), [], 0.0
     residual = table.measured - table.base
@@ -245,7 +245,7 @@ SHAPE_OF = {
 
 
 def linearised(library: Library, table: Table, truth: dict) -> dict[str, np.ndarray]:
-    """Return the generator's own effects (R, 3, p), linearised at a fifth of a plausible amount, by their names."""
+    """Return the generator's own effects (R, 3, p), linearised at a fifth of a plausible value, by their names."""
     solved = set(library.changes) | {name for name, _ in library.defects}
     tared = truth["instrument"]["tared"]
     columns = {}
@@ -257,9 +257,9 @@ def linearised(library: Library, table: Table, truth: dict) -> dict[str, np.ndar
         ):
             continue
         parts = []
-        for shape in SHAPES[SHAPE_OF.get(form, "sign")]:
+        for hyperparameters in SHAPES[SHAPE_OF.get(form, "sign")]:
             world = base_world(library, truth["base"])
-            kind.put(world, 0.2, {**CONSTANTS, **shape})
+            kind.put(world, 0.2, {**CONSTANTS, **hyperparameters})
             parts.append((zeroed(table.rows, world.forces(table.rows), tared) - table.base) / 0.2)
         column = np.stack(parts, axis=2)
         if np.abs(column).max() > 1e-9:

@@ -22,7 +22,7 @@ def gel_change(world: World, factor: float):
 
 
 def _through(one, at_one, other, at_other, at):
-    """Return the change at `at` on the parabola through 0 and two solved amounts."""
+    """Return the change at `at` on the parabola through 0 and two solved values."""
     a = at * (at - at_other) / (at_one * (at_one - at_other))
     b = at * (at - at_one) / (at_other * (at_other - at_one))
 

@@ -146,7 +146,7 @@ def make_case(
     base: str = "concealed",
     least: float = SNR[0],
 ) -> Case:
-    """Return a case of some content on a base; kinds whose amounts reach no sufficient signal are drawn anew."""
+    """Return a case of some content on a base; kinds whose values reach no sufficient signal are drawn anew."""
     library = libraries[BASES[base].sensor]
     low = max(least, 4.0) if content == "pair" else least
     while True:
@@ -286,7 +286,7 @@ def _truth(name, content, base, plain, library, world, hidden, rows, instrument)
             "family": one.kind.family,
             "size": one.size,
             "drawn": one.drawn,
-            "amounts": one.kind.amounts(one.size, one.drawn),
+            "parameters": one.kind.parameters(one.size, one.drawn),
             "snr": round(_signal(plain, library, base, [one], rows, instrument), 3),
         }
         if "place" in one.drawn:

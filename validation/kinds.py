@@ -1,7 +1,7 @@
 """The hidden effects, each in a form of its own that is not the analysis's; and some that no catalogue has.
 
 A kind draws a direction and what stays fixed (a place, a time) and is put into a world by an amplitude: 1 is a plausible
-amount, `most` the largest that is drawn. `amounts` says what a verdict may be held to: the parameter in the catalogue's
+value, `most` the largest that is drawn. `parameters` says what a verdict may be held to: the parameter in the catalogue's
 unit, where both forms have the same parameter.
 """
 
@@ -31,7 +31,7 @@ class Kind:
     family: str
     draw: Callable[[np.random.Generator], Drawn]
     put: Callable[[World, float, Drawn], None]
-    amounts: Callable[[float, Drawn], dict[str, float]] = lambda size, drawn: {}
+    parameters: Callable[[float, Drawn], dict[str, float]] = lambda size, drawn: {}
     most: float = 2.0
     zero_by: str | None = None  # what the recording must be for it to be seen
     tared: bool | None = None
@@ -93,7 +93,7 @@ KINDS: dict[str, Kind] = {
         Kind("yeoh stiffening", "law_exponent", "material", _positive, body.solved("stiffening", lambda s, d: s)),
         Kind("third-order stiffening", "law_exponent", "material", _positive,
              body.solved("late stiffening", lambda s, d: s), most=3.0),
-        # no amounts: a share of what a slab of 1 MPa changes is not what a slab does of which the 1/E is that share of
+        # no values: a share of what a slab of 1 MPa changes is not what a slab does of which the 1/E is that share of
         # 1/MPa, and as little is a share of what a bulk modulus changes
         Kind("softer volume", "compressibility", "material", _positive, body.solved("compressible", lambda s, d: s)),
         Kind("slab", "elastic_base", "material", _positive, body.solved("slab", lambda s, d: s), most=1.5),

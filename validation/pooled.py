@@ -3,7 +3,7 @@
 Nothing is generated, solved or judged for it, and FElupe is not needed. Of every archive the verdicts' seals are checked,
 and that each truth is the one that was sealed. A set whose archive or truths are not there is left out and named. SYNTHETIC.
 
-Rates of cases have Wilson's 95 % interval. Where a case gives several items (claims, amounts) cases are drawn again with
+Rates of cases have Wilson's 95 % interval. Where a case gives several items (claims, values) cases are drawn again with
 replacement, 4000 times, and the 2.5 and 97.5 % quantiles of the rate are printed: items of one case are not independent.
 Where all items are right or all are wrong the draws cannot differ, so Wilson's interval of the cases is printed instead.
 """
@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from . import sealing
-from .archive import ARCHIVES
+from .archive import ARCHIVES, with_current_keys
 from .score import CONFIDENT, LEVEL, NAMES, NO_NAME, SEPARABLE, SNR_BANDS, STRONG, Judged, Rate, judged_from
 from .sealing import JUDGED, REGISTER, SEALED
 from .truths import read_truths
@@ -42,7 +42,7 @@ ONE_PRIOR = ("twentysecond", "twentythird")
 TODAY = ("twentyfourth",)
 LINEAR = (*BY_EFFECT, *ONE_PRIOR, *TODAY)
 # What is added up: judges of one kind. From the fifteenth set on known effects share odds by a tempering exponent of 0.4;
-# from the sixteenth on amounts follow all readings.
+# from the sixteenth on values follow all readings.
 POOLS = {"12 to 19": ORDER, "15 to 19": ORDER[3:], "16 to 19": ORDER[4:]}
 DRAWS, SEED = 4000, 39
 
@@ -82,7 +82,7 @@ def archived(archive: Path, truths: dict[str, dict]) -> list[Scored]:
                 f"{archive}: truths.jsonl has no truth of {name} {case} with the published seal; "
                 f"generate the set and run python -m validation truths {name}"
             )
-        verdict = json.loads(parts[0]) if parts[0] else None
+        verdict = with_current_keys(json.loads(parts[0])) if parts[0] else None
         found.append(Scored(name, case, judged_from(truth, verdict, None), float(seal["seconds"])))
     return found
 

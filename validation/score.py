@@ -15,7 +15,7 @@ SNR_BANDS = ((2.0, 4.0), (4.0, 8.0), (8.0, 16.0), (16.0, np.inf))
 SAYS_NOTHING = ("consistent", "inconclusive")
 NAMES = ("identified",)
 NO_NAME = ("unexplained",)
-# Effects of one amount that a cause with a free form has as its even part, or as a map of one kind: it is right of these.
+# Effects of one value that a cause with a free form has as its even part, or as a map of one kind: it is right of these.
 GENERALISED = {
     "modulus_map": (
         *("gel_stiffness", "skin_stiffness", "body_stiffness", "wall_stiffness", "wall_gap"),
@@ -69,7 +69,7 @@ class Judged:
     true: tuple[str, ...]  # names; "" outside the catalogue
     state: str
     answer: tuple[tuple[tuple[str, ...], float], ...]  # groups with their probability
-    covered: tuple[bool, ...] = ()  # 90 % intervals of amounts that both forms have
+    covered: tuple[bool, ...] = ()  # 90 % intervals of values that both forms have
     gain: float = float("nan")  # share of the oracle's on held-out readings
     rmse_ratio: float = float("nan")  # after over oracle, held out
     left: float = float("nan")  # of the true change on held-out readings, in standard deviations
@@ -154,20 +154,20 @@ def cause_of(verdict: dict) -> tuple[tuple[tuple[str, ...], float], ...]:
 def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None) -> Judged:
     """Return what a verdict said next to the truth; no verdict is the state `failed`."""
     true = tuple(effect["name"] for effect in truth["effects"])
-    each = tuple(float(effect["snr"]) for effect in truth["effects"])
+    by_effect = tuple(float(effect["snr"]) for effect in truth["effects"])
     if verdict is None:
-        return Judged(truth["content"], truth["snr"], true, "failed", (), snr_each=each)
+        return Judged(truth["content"], truth["snr"], true, "failed", (), snr_each=by_effect)
     gain, ratio, left = (
         held_out_gain(truth, readings) if truth["effects"] and readings is not None else 3 * (np.nan,)
     )
-    told = _amounts(truth, verdict)
+    told = _values(truth, verdict)
     covered = tuple(low <= value <= high for value, _, (low, high) in told)
     short = tuple(
         np.sign(x) * (x - said) * WIDTH_90 / max(high - low, 1e-12) for x, said, (low, high) in told
     )
     return Judged(
         truth["content"], truth["snr"], true, state_of(verdict), answer_of(verdict), covered, gain, ratio, left,
-        _distance(truth, verdict), _p(verdict), each, short, lines_of(verdict),
+        _distance(truth, verdict), _p(verdict), by_effect, short, lines_of(verdict),
         truth.get("separation", {}).get("snr", np.nan),
     )  # fmt: skip
 
@@ -217,16 +217,16 @@ def session_names(truth: dict) -> list[str]:
     return [f"{truth['case']}_{chr(ord('a') + int(s))}" for s in truth["readings"]["session"]]
 
 
-def _amounts(truth: dict, verdict: dict) -> list[tuple[float, float, tuple[float, float]]]:
-    """Return true amounts, told ones and their 90 % intervals, of effects that are the first of a claimed group."""
+def _values(truth: dict, verdict: dict) -> list[tuple[float, float, tuple[float, float]]]:
+    """Return true values, told ones and their 90 % intervals, of effects that are the first of a claimed group."""
     if state_of(verdict) not in NAMES:
         return []
     first = {g["members"][0] for g in verdict["answer"]}
     by_name = {e["name"]: e for e in verdict["effects"] if e["name"] in first}
     found = []
     for effect in truth["effects"]:
-        said = {a["name"]: a for a in by_name.get(effect["name"], {}).get("amounts", [])}
-        for parameter, value in effect["amounts"].items():
+        said = {a["name"]: a for a in by_name.get(effect["name"], {}).get("parameters", [])}
+        for parameter, value in effect["parameters"].items():
             if parameter in said:
                 found.append((value, said[parameter]["value"], tuple(said[parameter]["interval_90"])))
     return found
@@ -240,8 +240,8 @@ def _distance(truth: dict, verdict: dict) -> float:
     if state_of(verdict) not in NAMES:
         return float("nan")
     claimed = {name for names, _ in answer_of(verdict) for name in names}
-    shapes = {e["name"]: e.get("shape", {}) for e in verdict["effects"] if e["name"] in claimed}
-    places = [(e["where"], shapes.get(e["name"], {})) for e in truth["effects"] if "where" in e]
+    grid = {e["name"]: e.get("hyperparameters", {}) for e in verdict["effects"] if e["name"] in claimed}
+    places = [(e["where"], grid.get(e["name"], {})) for e in truth["effects"] if "where" in e]
     away = [np.hypot(a["x_mm"] - b["x_mm"], a["y_mm"] - b["y_mm"]) for a, b in places if "x_mm" in b]
     return float(min(away, default=np.nan))
 
@@ -290,8 +290,8 @@ def scores(judged: list[Judged]) -> dict[str, str | float | Rate]:
     covered = [c for j in judged for c in j.covered]
     table["90 % intervals: cover"] = rate(covered, bool)
     short = np.array([s for j in judged for s in j.short])
-    table["amounts too small by, mean [sd]"] = float(short.mean()) if len(short) else float("nan")
-    table["amounts off by, root mean square [sd]"] = (
+    table["values too small by, mean [sd]"] = float(short.mean()) if len(short) else float("nan")
+    table["values off by, root mean square [sd]"] = (
         float(np.sqrt(np.mean(short**2))) if len(short) else float("nan")
     )
     gains = [j.gain for j in judged if np.isfinite(j.gain) and j.content == "single" and j.snr >= STRONG]

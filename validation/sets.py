@@ -18,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from . import sealing
+from .archive import with_current_keys
 from .draw import BASES, DEVELOPMENT, SNR, cases
 from .library import Library
 from .pressed import VERSION
@@ -153,6 +154,7 @@ def opened(folder: Path) -> list[dict]:
         files = [out / file for file in JUDGED]
         sealing.check_files(seal["sha256"], *files)
         truth = sealing.opened(folder / "truth" / f"{name}.json", published["cases"][name]["truth"])
+        truth = with_current_keys(truth)
         case = folder / "cases" / name
         recorded = [
             s / f
@@ -160,6 +162,6 @@ def opened(folder: Path) -> list[dict]:
             for f in ("session.yaml", "indentations.csv")
         ]
         sealing.check_files(published["cases"][name]["recording"], *recorded)
-        verdict = sealing.read(files[0]) if files[0].is_file() else None
+        verdict = with_current_keys(sealing.read(files[0])) if files[0].is_file() else None
         found.append({"name": name, "truth": truth, "verdict": verdict, "folder": out, "case": case, **seal})
     return found

@@ -1,7 +1,7 @@
 """What was hidden in every judged case of the archived sets, a line each, so that verdicts are scored without FElupe.
 
 truths.jsonl    set, case, SHA-256 of the sealed truth, base, content, signal-to-noise ratio, and each effect with its name,
-                form, signal-to-noise ratio, amounts and, of a defect, place; the readings of a truth are not in it
+                form, signal-to-noise ratio, values and, of a defect, place; the readings of a truth are not in it
 
 The whole truth follows from the set's commit and seed: `generate` makes it again, and its seal is that of the line.
 """
@@ -12,7 +12,7 @@ import json
 from pathlib import Path
 
 TRUTHS = Path(__file__).parent / "truths.jsonl"
-EFFECT = ("name", "form", "snr", "amounts", "where")
+EFFECT = ("name", "form", "snr", "parameters", "where")
 
 
 def read_truths(path: Path = TRUTHS) -> dict[str, dict[str, dict]]:

@@ -69,7 +69,7 @@ class Linear:
         """
         far = self._screened(self.problem, mask)
         errors = replace(self.problem, change_error=FORM_ERROR)
-        uncertain = errors.with_model_error(terms_of(self.problem.candidates, far.amounts - self.at))
+        uncertain = errors.with_model_error(terms_of(self.problem.candidates, far.theta - self.at))
         from_means = replace(
             uncertain,
             change_error=0.0,
@@ -157,7 +157,7 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
     across, refused = False, None
     for solved in range(1, MOST + 1):
         fit = linear.fitted(every)
-        a = np.concatenate(fit.amounts)
+        a = np.concatenate(fit.theta)
         sd = np.sqrt(np.diag(fit.covariance))
         step = a - linear.at
         # where a surface begins to slip, sensitivities of either side point to the other one
@@ -177,7 +177,7 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
         refused = step if np.array_equal(reached.at, linear.at) else None
         linear = reached
     block, held_out = held_out_of(linear.problem, solver.study.seed)
-    a_trained = np.concatenate(linear.fitted(~held_out).amounts) if held_out.any() else a
+    a_trained = np.concatenate(linear.fitted(~held_out).theta) if held_out.any() else a
     test = global_test(linear.left(a), linear.problem.covariance, linear.columns)
     return Fit(free, a, fit.covariance, start, linear, solved, converged, block, held_out, a_trained, test.p)
 

@@ -69,7 +69,7 @@ def _factor(study: Study, key: str, layers: Layers) -> float:
 
 
 def _by_effect(name: str) -> Callable[[Study, Layers, float, float], Study]:
-    """Return the entry of an effect whose amount is what is more than the study has."""
+    """Return the entry of an effect whose value is what is more than the study has."""
 
     def to_study(study: Study, layers: Layers, now: float, then: float) -> Study:
         enter = CATALOGUE[name].to_study
@@ -80,13 +80,14 @@ def _by_effect(name: str) -> Callable[[Study, Layers, float, float], Study]:
 
 
 def _gain(study: Study) -> float:
-    return 1 + next((k.amounts.get("z", 0.0) for k in study.mismatch.known if k.effect == "force_gain"), 0.0)
+    gains = (known.parameters for known in study.mismatch.known if known.effect == "force_gain")
+    return 1 + next((gain.get("z", 0.0) for gain in gains), 0.0)
 
 
 def _with_gain(study: Study, layers: Layers, now: float, then: float) -> Study:
     """Return the study whose force sensor is known to read all axes with a gain."""
     others = [known for known in study.mismatch.known if known.effect != "force_gain"]
-    known = [*others, Known(effect="force_gain", amounts=dict.fromkeys("xyz", then - 1))]
+    known = [*others, Known(effect="force_gain", parameters=dict.fromkeys("xyz", then - 1))]
     return study.model_copy(update={"mismatch": study.mismatch.model_copy(update={"known": known})})
 
 
@@ -186,10 +187,10 @@ class Free:
             family=known.family if known else "material",
             parameters=(Parameter("by", "1", self.width, (low, high), self.prior.source),),
             signature=self.kind.words,
-            to_study=(lambda study, shape, a: self.to_study(study, at, at + a[0])) if solved else None,
+            to_study=(lambda study, _, a: self.to_study(study, at, at + a[0])) if solved else None,
             to_forces=FirstOrder(self.name)
             if solved
-            else lambda context, shape, force, a: force * (self.value(at + a[0]) / self.value(at)),
+            else lambda context, _, force, a: force * (self.value(at + a[0]) / self.value(at)),
             mesh_changes=bool(known and known.mesh_changes),
         )
 

@@ -85,7 +85,7 @@ FEW_SITES = round(1 / HELD_OUT)  # below which a quarter of the sites is none
 REACH = 12.0
 MOST_WITH_ERROR = 50  # such sets
 BEAM = 30  # pairs that a third effect is tried next to
-BESIDE = 6  # best sets next to which a discrepancy is weighed
+SETS_WITH_DISCREPANCY = 6  # best sets next to which a discrepancy is weighed
 # Standard deviations of a change's own error, below which it moves no evidence: its log moves by 0.1^2 / 2 = 0.005, far
 # below what is worth a mention (Kass and Raftery 1995).
 NOTICED = 0.1

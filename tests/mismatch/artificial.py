@@ -59,7 +59,7 @@ def _bump(place, x, y):
 
 
 def derivatives(x, y, d):
-    """Return d force / d amount (..., 3) of what the solver knows, by key, at (x, y) and depths d [mm]."""
+    """Return d force / d theta (..., 3) of what the solver knows, by key, at (x, y) and depths d [mm]."""
     F, c = force(x, y, d), WIDTH / 2
     depth = np.asarray(d, dtype=float)[..., None]
     u, v = (x - c) / c, (y - c) / c
@@ -211,8 +211,8 @@ def chosen(base: Context, rows) -> Context:
     return replace(base, observations=part, force=base.force[rows], at_readings=known)
 
 
-def with_effect(base: Context, name, amounts, rng, shape=0) -> Context:
-    """Return the context whose readings hold an amount of an effect, by the effect's own first order."""
+def with_effect(base: Context, name, theta, rng, number=0) -> Context:
+    """Return the context whose readings hold a value of an effect, by the effect's own first order."""
     effect = CATALOGUE[name]
-    changed = effect.to_forces(base, effect.shapes(base)[shape], base.force, np.array(amounts, dtype=float))
+    changed = effect.to_forces(base, effect.grid(base)[number], base.force, np.array(theta, dtype=float))
     return read(base, changed, rng)

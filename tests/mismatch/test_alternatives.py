@@ -16,10 +16,10 @@ from gelforge.mismatch.thresholds import NULL_PRIOR, TEMPERING
 @pytest.mark.parametrize("known", [2, 40])
 def test_priors_add_up_to_one_and_nothing_is_missing_half_of_the_time(known):
     """But for what Poisson's law has beyond all effects that there are: 3.3 % with two, nothing with forty."""
-    each = np.array([comb(known, k) * np.exp(log_prior(k, known)) for k in range(known + 1)])
-    assert each[0] == pytest.approx(NULL_PRIOR)
-    assert each.sum() == pytest.approx(poisson.cdf(known, np.log(2)), abs=1e-12)
-    assert_allclose(each[2] / each[1], np.log(2) / 2)
+    by_count = np.array([comb(known, k) * np.exp(log_prior(k, known)) for k in range(known + 1)])
+    assert by_count[0] == pytest.approx(NULL_PRIOR)
+    assert by_count.sum() == pytest.approx(poisson.cdf(known, np.log(2)), abs=1e-12)
+    assert_allclose(by_count[2] / by_count[1], np.log(2) / 2)
 
 
 def posterior(evidence):

@@ -70,7 +70,7 @@ def test_boxes_fill_the_layers_by_shares_and_leave_the_wall():
     volume = (corner.max(axis=1) - corner.min(axis=1)).prod(axis=1)
     assert ((factor - 1) / 2 * volume).sum() == pytest.approx(3.2 * 2.7 * 1.4, rel=1e-12)
 
-    # No amount is the study itself and a box leaves a square no mirror images
+    # No value is the study itself and a box leaves a square no mirror images
     box = boxes(STUDY)[0]
     assert BOX.to_study(STUDY, box, [0.0]) is STUDY
     assert not BOX.to_study(STUDY, box, [0.1]).has_symmetry_of_square

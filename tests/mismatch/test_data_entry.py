@@ -14,10 +14,10 @@ from gelforge.mismatch.summary.words import sentence_of
 from gelforge.mismatch.thresholds import DETECTED_SNR
 
 
-def read_with(name, shape, seed=7):
+def read_with(name, hyperparameters, seed=7):
     """Return the context of readings with a switch on."""
     base = artificial.context(seed, per_side=3)
-    force = CATALOGUE[name].to_forces(base, shape, base.force, np.array([1.0]))
+    force = CATALOGUE[name].to_forces(base, hyperparameters, base.force, np.array([1.0]))
     return artificial.read(base, force, np.random.default_rng(seed + 1))
 
 
@@ -27,7 +27,7 @@ def test_lateral_axes_that_are_others_are_named_and_no_physics_is(axes):
     problem, found = judged(read_with("force_frame", {"axes": axes}))
     assert found.state == "identified"
     (part,) = found.answer.fit.parts
-    assert (part.name, part.shape) == ("force_frame", {"axes": axes})
+    assert (part.name, part.hyperparameters) == ("force_frame", {"axes": axes})
     assert f"Forces are recorded in another frame than assumed ({axes})" in sentence_of(problem, found)
 
 
@@ -36,7 +36,7 @@ def test_lateral_axes_that_are_others_are_named_and_no_physics_is(axes):
 def test_another_unit_comes_first(unit):
     _, found = judged(read_with("force_unit", {"unit": unit}))
     assert found.answer.fit.parts[0].name == "force_unit"
-    assert found.answer.fit.parts[0].shape == {"unit": unit}
+    assert found.answer.fit.parts[0].hyperparameters == {"unit": unit}
 
 
 def test_all_other_axes_are_tried_and_data_entry_errors_say_nothing_of_what_readings_could_see():

@@ -112,7 +112,7 @@ def test_without_new_keys_the_covariance_is_that_of_one_field_bit_for_bit(by):
 
 # ------------------------------------------------------------------------------------------- what session.yaml says
 @pytest.mark.parametrize(
-    ("keys", "instead", "press", "session"),
+    ("keys", "stated", "press", "session"),
     [
         ({}, None, 0.0, np.nan),
         ({"by": "press"}, None, np.nan, 0.0),
@@ -125,8 +125,8 @@ def test_without_new_keys_the_covariance_is_that_of_one_field_bit_for_bit(by):
         ({"session_scatter_mm": 0.01, "press_scatter_mm": 0.003}, 0.005, 0.003, 0.005),
     ],
 )
-def test_who_has_which_error(keys, instead, press, session):
-    assert depth_scatter(DepthZero(**keys), instead) == pytest.approx((press, session), nan_ok=True)
+def test_who_has_which_error(keys, stated, press, session):
+    assert depth_scatter(DepthZero(**keys), stated) == pytest.approx((press, session), nan_ok=True)
 
 
 def unsaid(found, press, session):

@@ -9,9 +9,9 @@ from artificial_problem import identified, problem_of
 from numpy.testing import assert_allclose
 
 from gelforge.mismatch.evidence.kernels import kernels_of
-from gelforge.mismatch.inference.discrepancy import _Beside, modelled
+from gelforge.mismatch.inference.discrepancy import _LinearFit, modelled
 from gelforge.mismatch.inference.holdout import split
-from gelforge.mismatch.inference.judge import _beside_cause
+from gelforge.mismatch.inference.judge import _next_to_cause
 
 SEED = 23
 
@@ -51,10 +51,10 @@ def test_a_smooth_change_is_learnt_noise_is_not_and_its_size_is_averaged_over(ba
     # The size of a change is averaged over. Second moments are those of the scales' own posteriors, weighted by 0.4
     # of their log evidence
     problem, _ = bends(base)
-    beside, few = _Beside.of(problem, None, None), np.arange(len(problem.labels)) % 40 == 0
+    linear, few = _LinearFit.of(problem, None, None), np.arange(len(problem.labels)) % 40 == 0
     D = next(one for one in problem.modules if one.name == "depth_map").directions
-    mean, covariance = beside.posterior(D, few)
-    own = [(scale, *beside.learnt_by(scale * D, few)) for scale in (1.0, 0.3, 0.1)]
+    mean, covariance = linear.posterior(D, few)
+    own = [(scale, *linear.learnt_by(scale * D, few)) for scale in (1.0, 0.3, 0.1)]
     weights = np.exp(0.4 * np.array([evidence for _, evidence, *_ in own]))
     assert weights.max() < 0.9 * weights.sum()  # so few readings leave the size open
     parts = [s**2 * (np.outer(m, m) + c) for s, _, m, c in own]
@@ -63,16 +63,16 @@ def test_a_smooth_change_is_learnt_noise_is_not_and_its_size_is_averaged_over(ba
     assert_allclose(mean, np.tensordot(weights / weights.sum(), [s * m for s, _, m, _ in own], 1), atol=1e-9)
 
 
-def test_effects_beside_a_cause_that_is_sure_have_the_amounts_that_they_have_beside_it():
-    """Amounts and map are learnt together: what is told, and patched, adds up to the figure after."""
+def test_effects_next_to_a_sure_cause_have_the_values_that_they_have_with_it():
+    """Values and map are learnt together: what is told, and patched, adds up to the figure after."""
     problem, found, _ = identified()
     answer, flat = found.answer, problem.observations.flat
     left = flat(problem.observations.force - answer.after)
     (cause,) = [one for one in problem.modules if one.name == "depth_map"]
     model = modelled(problem, [cause], found.blocks, answer.fit, left, {cause.words: 0.99})
-    assert model.sure and model.beside
-    again = _beside_cause(problem, answer, model)
-    step = np.concatenate(again.fit.amounts) - np.concatenate(answer.fit.amounts)
+    assert model.sure and model.with_effects
+    again = _next_to_cause(problem, answer, model)
+    step = np.concatenate(again.fit.theta) - np.concatenate(answer.fit.theta)
     effects = answer.fit.columns[:, : len(step)] @ step
     assert np.abs(effects).max() > 1e-4  # N
     assert_allclose(flat(again.after - answer.after), effects, rtol=0, atol=1e-9)
@@ -80,9 +80,7 @@ def test_effects_beside_a_cause_that_is_sure_have_the_amounts_that_they_have_bes
         flat(problem.observations.force - again.after) - model.change, model.rest, rtol=0, atol=1e-9
     )
     grown, before = (np.diag(one.covariance) for one in (again.fit, answer.fit))
-    assert (grown >= before).all() and (
-        grown > before
-    ).any()  # a map next to them leaves the amounts no surer
-    unphysical = replace(model, fit=replace(model.fit, amounts=tuple(1e3 + a for a in model.fit.amounts)))
+    assert (grown >= before).all() and (grown > before).any()  # a map next to them leaves the values no surer
+    unphysical = replace(model, fit=replace(model.fit, theta=tuple(1e3 + a for a in model.fit.theta)))
     for other in (replace(model, probability=0.5), unphysical, None):
-        assert _beside_cause(problem, answer, other) is answer
+        assert _next_to_cause(problem, answer, other) is answer

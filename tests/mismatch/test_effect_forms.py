@@ -65,10 +65,10 @@ def test_overstress_of_a_rise_and_a_wait_and_of_times_up_to_ten_times_the_longes
         )  # 3 s of 1e9 s, and tau itself
 
     # Relaxation times reach from a tenth of a second to ten times the longest press
-    shapes = CATALOGUE["viscoelastic"].shapes(CONTEXT)
+    grid = CATALOGUE["viscoelastic"].grid(CONTEXT)
     longest = CONTEXT.observations.table["press_time_s"].max()
     for part in ("gel", "skin"):
-        times = [s["time_s"] for s in shapes if s["part"] == part]
+        times = [s["time_s"] for s in grid if s["part"] == part]
         assert times[0] == 0.1 and times[-1] == pytest.approx(10 * longest, rel=1e-2)  # three digits
         assert max(b / a for a, b in zip(times, times[1:])) < 10**0.5 + 0.02
 
@@ -95,7 +95,7 @@ def test_softening_comes_after_deeper_presses_on_two_scales():
 
     # A loss at the slightest return keeps more of its size on a shallow return than one in
     # proportion.
-    small, large = (shape["m_kPa"] for shape in CATALOGUE["mullins"].shapes(CONTEXT))
+    small, large = (hyperparameters["m_kPa"] for hyperparameters in CATALOGUE["mullins"].grid(CONTEXT))
     assert large == pytest.approx(10 * small, rel=0.1)  # two digits
     context = one_press([1.0, 2.0, 3.0], [1.0, 0.8, 0.3], ["load", "unload", "unload"])
     at_once, in_proportion = (lost_share(context, m) for m in (1e-6, 1e6))
@@ -142,7 +142,7 @@ def test_age_and_warmth_act_between_sessions_that_state_them():
     for name, column in (("ageing", "age_days"), ("temperature", "temperature_C")):
         for value in (np.nan, 40.0):
             same = replace(CONTEXT.observations, table=CONTEXT.observations.table.assign(**{column: value}))
-            assert CATALOGUE[name].shapes(replace(CONTEXT, observations=same)) == []
+            assert CATALOGUE[name].grid(replace(CONTEXT, observations=same)) == []
 
 
 # ----------------------------------------------------------------------------------------------- machine and readings
@@ -184,7 +184,10 @@ def test_a_yielding_frame_is_in_proportion_to_force_and_a_clock_reads_by_its_sig
     context = one_press([1.0, 2.0], [0.5, 1.2], ["load", "load"])
     clock = CATALOGUE["clock_offset"]
     for lag, stamp in ((0.1, "late"), (-0.1, "early")):
-        same = [clock.to_forces(context, shape, context.force, [lag]) for shape in ({}, {"stamp": stamp})]
+        same = [
+            clock.to_forces(context, hyperparameters, context.force, [lag])
+            for hyperparameters in ({}, {"stamp": stamp})
+        ]
         assert np.array_equal(*same) and not np.array_equal(same[0], context.force)
 
 
@@ -199,17 +202,17 @@ def test_gain_cross_talk_offset_and_drift_act_on_the_force_as_the_zero_leaves_th
     # Offset and drift are what the zero of a tared session leaves
     table = CONTEXT.observations.table
     effect = CATALOGUE["force_offset"]
-    assert effect.shapes(CONTEXT) == [{}, {"session": "s1"}, {"session": "s2"}]
+    assert effect.grid(CONTEXT) == [{}, {"session": "s1"}, {"session": "s2"}]
     every = np.tile([0.1, 0.2, 0.3], (len(table), 1))
-    assert_allclose(change("force_offset", [0.1, 0.2, 0.3], shape=0), every, atol=1e-14)
+    assert_allclose(change("force_offset", [0.1, 0.2, 0.3], number=0), every, atol=1e-14)
     own = (table["session"] == "s2").to_numpy()
     assert_allclose(
-        change("force_offset", [0.1, 0.2, 0.3], shape=2), np.outer(own, [0.1, 0.2, 0.3]), atol=1e-14
+        change("force_offset", [0.1, 0.2, 0.3], number=2), np.outer(own, [0.1, 0.2, 0.3]), atol=1e-14
     )
     drift = change("force_drift", [0.0, 0.0, 3600.0])[:, 2]
     assert_allclose(drift[own], (table["time_s"] - table["time_s"][own].min())[own], atol=1e-9)
-    shapes = CATALOGUE["force_drift"].shapes(CONTEXT)
-    assert shapes[0] == {} and all("settles_s" in one for one in shapes[1:])
+    grid = CATALOGUE["force_drift"].grid(CONTEXT)
+    assert grid[0] == {} and all("settles_s" in one for one in grid[1:])
     settling = CATALOGUE["force_drift"].to_forces(
         CONTEXT, {"settles_s": 100.0}, CONTEXT.force, [0.0, 0.0, 0.2]
     )
@@ -220,8 +223,8 @@ def test_gain_cross_talk_offset_and_drift_act_on_the_force_as_the_zero_leaves_th
     slow = CATALOGUE["force_drift"].to_forces(CONTEXT, {"settles_s": 1e9}, CONTEXT.force, [0.0, 0.0, 3600.0])
     assert_allclose((slow - CONTEXT.force)[:, 2], drift, rtol=1e-5, atol=1e-9)
     zeroed = artificial.context(per_side=2)
-    assert CATALOGUE["force_drift"].shapes(zeroed) == [{}]
-    assert effect.shapes(zeroed) == [{}] and not change("force_offset", [1.0, 1.0, 1.0], context=zeroed).any()
+    assert CATALOGUE["force_drift"].grid(zeroed) == [{}]
+    assert effect.grid(zeroed) == [{}] and not change("force_offset", [1.0, 1.0, 1.0], context=zeroed).any()
     since_touch = change("force_drift", [0.0, 0.0, 3600.0], context=zeroed)[:, 2]
     assert_allclose(since_touch, zeroed.observations.table["press_time_s"], atol=1e-9)
 
@@ -247,8 +250,8 @@ def test_hysteresis_and_play_open_when_the_force_turns_and_adhesion_on_the_way_u
 
     # Hysteresis is not offered without a way up
     down = artificial.chosen(CONTEXT, (CONTEXT.observations.table["phase"] != "unload").to_numpy())
-    assert CATALOGUE["force_hysteresis"].shapes(CONTEXT) == [{"loop": "lens"}, {"loop": "play"}]
-    assert CATALOGUE["force_hysteresis"].shapes(down) == []
+    assert CATALOGUE["force_hysteresis"].grid(CONTEXT) == [{"loop": "lens"}, {"loop": "play"}]
+    assert CATALOGUE["force_hysteresis"].grid(down) == []
 
     # Adhesion is seen on the way up only
     up = (CONTEXT.observations.table["phase"] == "unload").to_numpy()

@@ -36,17 +36,17 @@ CONTEXT = artificial.context(per_side=3, sessions=2, tared=True)
 STUDY = CONTEXT.study
 
 
-def amounts_of(effect, share=1.0):
-    """Return amounts of a share of the widths, of the physical sign, all different."""
+def plausible_theta(effect, share=1.0):
+    """Return values of a share of the widths, of the physical sign, all different."""
     if effect.binary:
         return np.array([1.0])
     signs = np.array([p.sign or 1 for p in effect.parameters])
     return share * effect.prior_sd * signs * np.linspace(1.0, 0.5, len(signs))
 
 
-def change(name, amounts, shape=0, context=CONTEXT):
+def change(name, theta, number=0, context=CONTEXT):
     effect = CATALOGUE[name]
-    return effect.to_forces(context, effect.shapes(context)[shape], context.force, amounts) - context.force
+    return effect.to_forces(context, effect.grid(context)[number], context.force, theta) - context.force
 
 
 # ------------------------------------------------------------------------------------------------- completeness
@@ -91,18 +91,18 @@ def test_what_an_effect_takes_is_told(name):
     """Of other effects; the judge asks the solver for their derivatives even where they are left out."""
     effect, watched = CATALOGUE[name], Watched(CONTEXT.derivatives)
     context = replace(CONTEXT, derivatives=watched, at_readings={})
-    for shape in effect.shapes(context):
-        effect.to_forces(context, shape, context.force, amounts_of(effect))
+    for hyperparameters in effect.grid(context):
+        effect.to_forces(context, hyperparameters, context.force, plausible_theta(effect))
     others = {key.split(".")[0].split("@")[0] for key in watched.read} - {name}
     assert others <= set(effect.depends_on)
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
-def test_a_plausible_amount_is_in_range_and_an_unphysical_one_is_not(name):
+def test_a_plausible_value_is_in_range_and_an_unphysical_one_is_not(name):
     effect = CATALOGUE[name]
-    assert effect.in_range(amounts_of(effect))
+    assert effect.in_range(plausible_theta(effect))
     for k, p in enumerate(effect.parameters):
-        beyond = amounts_of(effect)
+        beyond = plausible_theta(effect)
         beyond[k] = p.bounds[1]
         assert effect.in_range(beyond) == p.closed
         beyond[k] = 1.01 * p.bounds[1]
@@ -131,16 +131,16 @@ def test_an_effect_enters_by_its_file(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", FORCES)
 def test_nothing_leaves_the_forces_bit_for_bit(name):
     effect = CATALOGUE[name]
-    for shape in effect.shapes(CONTEXT):
-        same = effect.to_forces(CONTEXT, shape, CONTEXT.force, 0 * effect.prior_sd)
+    for hyperparameters in effect.grid(CONTEXT):
+        same = effect.to_forces(CONTEXT, hyperparameters, CONTEXT.force, 0 * effect.prior_sd)
         assert np.array_equal(same, CONTEXT.force)
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_nothing_leaves_the_study_as_it_is(name):
     effect = CATALOGUE[name]
-    for shape in effect.shapes(CONTEXT):
-        same = effect.to_study(STUDY, shape, 0 * effect.prior_sd)
+    for hyperparameters in effect.grid(CONTEXT):
+        same = effect.to_study(STUDY, hyperparameters, 0 * effect.prior_sd)
         if (
             effect.mesh_changes
         ):  # the plain study on the effect's own mesh, as the mechanics' own battery checks
@@ -153,10 +153,10 @@ def test_nothing_leaves_the_study_as_it_is(name):
 def test_a_little_is_linear_and_seen(name):
     effect = CATALOGUE[name]
     for k in range(len(effect.parameters)):
-        one = np.eye(len(effect.parameters))[k] * amounts_of(effect, 0.01)
+        one = np.eye(len(effect.parameters))[k] * plausible_theta(effect, 0.01)
         first, second = change(name, one), change(name, 2 * one)
         assert np.linalg.norm(first) > 1e-9 * np.linalg.norm(CONTEXT.force)
-        # First orders are linear in the amount but for rounding of the sum with the force, 1e-16 of it.
+        # First orders are linear in the value but for rounding of the sum with the force, 1e-16 of it.
         assert_allclose(second, 2 * first, atol=1e-14)
 
 
@@ -164,16 +164,18 @@ def test_a_little_is_linear_and_seen(name):
 def test_the_study_gets_what_the_catalogue_of_the_mechanics_gives(name):
     """On a plain study, one parameter, a place: the keys are those that the mechanics' battery has solved with."""
     effect, known = CATALOGUE[name], KNOWN[name]
-    one = np.eye(len(effect.parameters))[0] * amounts_of(effect, 0.1 if not effect.binary else 1)
+    one = np.eye(len(effect.parameters))[0] * plausible_theta(effect, 0.1 if not effect.binary else 1)
     if effect.binary:
         one = np.array([1.0])
-    shape = effect.shapes(CONTEXT)[0]
-    changed = effect.to_study(STUDY, shape, one)
+    hyperparameters = effect.grid(CONTEXT)[0]
+    changed = effect.to_study(STUDY, hyperparameters, one)
     if name == "viscoelastic":  # the mechanics' own has 1 s
         changed = effect.to_study(STUDY, {"part": "gel", "time_s": 1.0}, one)
     if name == "mullins":  # and 0.5 kPa
         changed = effect.to_study(STUDY, {"m_kPa": 0.5}, one)
-    assert changed == known(STUDY, float(one[0]), Place(**shape) if "z_mm" in shape else None)
+    assert changed == known(
+        STUDY, float(one[0]), Place(**hyperparameters) if "z_mm" in hyperparameters else None
+    )
     assert effect.history == known.history
     assert [p.unit for p in effect.parameters] == [known.unit] * len(effect.parameters)
 
@@ -197,9 +199,9 @@ base_bending""".split()
 
 @pytest.mark.parametrize("name", ADDED)
 def test_more_is_added_to_what_the_base_has(name):
-    """An amount of what a base has already comes on top: half and half again is the whole."""
+    """A value of what a base has already comes on top: half and half again is the whole."""
     effect = CATALOGUE[name]
-    half = amounts_of(effect, 0.5)
+    half = plausible_theta(effect, 0.5)
     twice = effect.to_study(effect.to_study(STUDY, {}, half), {}, half)
     once = effect.to_study(STUDY, {}, 2 * half)
     # 1/E and 1/factor are inverted twice, which rounds; names keep their place in the flattened text
@@ -212,14 +214,14 @@ def test_a_study_of_mirrored_cells_takes_every_effect(name):
         merged(STUDY.model_dump(mode="json"), {"plan": {"symmetry": "d4"}} | PUT_RIGHT.get(name, {}))
     )
     effect = CATALOGUE[name]
-    changed = effect.to_study(square, effect.shapes(CONTEXT)[0], amounts_of(effect, 0.1))
+    changed = effect.to_study(square, effect.grid(CONTEXT)[0], plausible_theta(effect, 0.1))
     assert changed.mechanics != square.mechanics
 
 
 @pytest.mark.parametrize(("symmetry", "keys"), [("auto", None), ("d4", {"symmetry": "none"}), ("none", None)])
 def test_the_patch_of_a_tilt_touches_the_plan_only_where_symmetry_was_asked_for(symmetry, keys):
     study = study_from(merged(STUDY.model_dump(mode="json"), {"plan": {"symmetry": symmetry}}))
-    part = SimpleNamespace(name="tilt", shape={})
+    part = SimpleNamespace(name="tilt", hyperparameters={})
     patch = patch_of(study, CATALOGUE, [(part, np.array([1.0, 0.0]))])
     assert patch["mechanics"]["effects"]["kinematics"]["tilt_deg"] == [1.0, 0.0]
     assert patch.get("plan") == keys
@@ -228,14 +230,14 @@ def test_the_patch_of_a_tilt_touches_the_plan_only_where_symmetry_was_asked_for(
 
 @pytest.mark.parametrize("name", [n for n in STUDIES if not CATALOGUE[n].binary])
 def test_bounds_are_those_of_the_configuration(name):
-    """Just inside its bounds every amount is a study that can be read, so a refit may go anywhere; and on what is whole."""
+    """Just inside its bounds every value is a study that can be read, so a refit may go anywhere; and on what is whole."""
     effect = CATALOGUE[name]
     for k, p in enumerate(effect.parameters):
         inside = 1.0 if p.closed else 0.999
         for share in (inside * p.bounds[0], inside * p.bounds[1]):
             if share:
                 one = np.eye(len(effect.parameters))[k] * share
-                assert effect.to_study(STUDY, effect.shapes(CONTEXT)[-1], one).mechanics != STUDY.mechanics
+                assert effect.to_study(STUDY, effect.grid(CONTEXT)[-1], one).mechanics != STUDY.mechanics
 
 
 # ------------------------------------------------------------------------------------------- the study's own choices
@@ -259,10 +261,10 @@ def test_simplifications_are_lifted_with_several_coefficients_and_friction_has_n
     # Simplifications are lifted with several coefficients or laws
     found = CATALOGUE["frictionless"]
     smooth = base_with(friction=0.0)
-    shapes = found.shapes(replace(CONTEXT, study=smooth))
-    tried = [found.to_study(smooth, shape, [1]).mechanics.friction for shape in shapes]
+    grid = found.grid(replace(CONTEXT, study=smooth))
+    tried = [found.to_study(smooth, hyperparameters, [1]).mechanics.friction for hyperparameters in grid]
     assert tried == [0.2, 0.45, 1.0]
-    (none,) = found.shapes(CONTEXT)
+    (none,) = found.grid(CONTEXT)
     assert found.to_study(STUDY, none, [1]).mechanics.friction == 0.0
 
     # Small strain is lifted with neo hookean laws and then with the fitted ones
@@ -341,7 +343,7 @@ def test_a_void_has_places_inside_and_acts_where_it_is():
 
     # A void acts where it is
     k = 5
-    there = np.abs(change("void", [1.0], shape=k)[:, 2]) / np.abs(CONTEXT.force[:, 2])
+    there = np.abs(change("void", [1.0], number=k)[:, 2]) / np.abs(CONTEXT.force[:, 2])
     place = places.balls(STUDY)[k]
     table = CONTEXT.observations.table
     deep = (table["depth_mm"] == 2.0).to_numpy()

@@ -103,19 +103,19 @@ def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probabil
     rest = next(name for name in found.posterior.singles if name not in group.members)
     shares = {rest: 0.8, "clock_offset": 0.2}
     other = {"members": [rest], "alternatives": ["clock_offset"], "probability": 0.62, "shares": shares}
-    beside = group.model_copy(update=other)
+    less_probable = group.model_copy(update=other)
     fit, spread = found.answer.fit, np.eye(1)
     single = found.posterior.singles[rest]
-    k = len(single.amounts)
+    k = len(single.theta)
     spread = np.zeros((len(fit.spread) + k,) * 2)
     spread[: -k or None, : -k or None] = fit.spread
     spread[-k:, -k:] = single.covariance
     fit = replace(
-        fit, parts=(*fit.parts, single.parts[0]), amounts=(*fit.amounts, single.amounts), spread=spread,
+        fit, parts=(*fit.parts, single.parts[0]), theta=(*fit.theta, single.theta), spread=spread,
         columns=np.column_stack([fit.columns, single.parts[0].columns]),
     )  # fmt: skip
     posterior = replace(found.posterior, evidence={**found.posterior.evidence, fit.effects: 1.0})
-    answer = replace(found.answer, groups=(beside, group), fit=fit)
+    answer = replace(found.answer, groups=(less_probable, group), fit=fit)
     said = verdict(problem, replace(found, answer=answer, posterior=posterior))
     assert [one.members for one in said.answer] == [[*group.members], [rest]]
     assert said.answer[1].names == [rest, "clock_offset"] and rest.split("_")[0] not in said.sentence
@@ -125,7 +125,7 @@ def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probabil
     )
 
 
-def test_amounts_in_place_of_an_effect_are_those_beside_the_others():
+def test_values_in_place_of_an_effect_are_those_with_the_others():
     """Of two effects that act together, what may stand in place of one is as large as it is next to the other."""
     base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
     tilt = CATALOGUE["tilt"].to_forces(base, {}, base.force, np.array([2.5, 0.0]))

@@ -66,25 +66,28 @@ def shape_of(name):
     """Return number and shape of what has several: the first, of places the nearest to the press; nothing of others."""
     if not getattr(EFFECTS[name].to_forces, "scanned", None):
         return None, {}
-    shapes = EFFECTS[name].shapes(Context.before_readings(base(STICKS)))
-    if "x_mm" not in shapes[0]:
-        return 0, shapes[0]
-    away = [np.hypot(shape["x_mm"] - PLACE[0], shape["y_mm"] - PLACE[1]) for shape in shapes]
-    return int(np.argmin(away)), shapes[int(np.argmin(away))]
+    grid = EFFECTS[name].grid(Context.before_readings(base(STICKS)))
+    if "x_mm" not in grid[0]:
+        return 0, grid[0]
+    away = [
+        np.hypot(hyperparameters["x_mm"] - PLACE[0], hyperparameters["y_mm"] - PLACE[1])
+        for hyperparameters in grid
+    ]
+    return int(np.argmin(away)), grid[int(np.argmin(away))]
 
 
-def amounts(name, k, amount):
-    return amount * np.eye(len(EFFECTS[name].parameters))[k]
+def theta(name, k, value):
+    return value * np.eye(len(EFFECTS[name].parameters))[k]
 
 
 def step(name, k):
-    """Return the amount over which differences are taken."""
+    """Return the value over which differences are taken."""
     parameter = EFFECTS[name].parameters[k]
     return SHARE_OF_AMOUNT.get(name, 1.0) * EFFECTS[name].step * parameter.width * (parameter.sign or 1)
 
 
-def varied(name, k, amount):
-    return EFFECTS[name].to_study(base(friction(name)), shape_of(name)[1], amounts(name, k, amount))
+def varied(name, k, value):
+    return EFFECTS[name].to_study(base(friction(name)), shape_of(name)[1], theta(name, k, value))
 
 
 @cache
@@ -95,8 +98,8 @@ def solved(text):
     return cell.arrays["total_force_N"]
 
 
-def force(name, k, amount):
-    return solved(varied(name, k, amount).model_dump_json())
+def force(name, k, value):
+    return solved(varied(name, k, value).model_dump_json())
 
 
 @cache
@@ -106,9 +109,9 @@ def derivatives_at(mu):
     for name, k in CASES:
         effect = EFFECTS[name]
         if friction(name) == mu and isinstance(effect.to_forces, FirstOrder):
-            amount = step(name, k)
+            value = step(name, k)
             still = varied(name, k, 0.0) if effect.mesh_changes else None
-            found = Variation(varied(name, k, amount), LAWS, amount, effect.mesh_changes, still)
+            found = Variation(varied(name, k, value), LAWS, value, effect.mesh_changes, still)
             asked[effect.to_forces.keys(shape_of(name)[0])[k]] = found
     cell, along = derivatives(base(mu), LAWS, PRESSED, asked)
     return cell.arrays["total_force_N"], {key: derivative.total for key, derivative in along.items()}
@@ -134,10 +137,10 @@ def test_all_layers_stiffer_by_one_share_are_a_gain_of_all_forces():
 @pytest.mark.thorough(but_first=4)
 @pytest.mark.parametrize(("name", "k"), CASES)
 def test_the_first_order_is_the_slope_of_full_solutions(name, k):
-    effect, (_, shape) = EFFECTS[name], shape_of(name)
+    effect, (_, hyperparameters) = EFFECTS[name], shape_of(name)
     parameter, here = effect.parameters[k], context(friction(name))
     h = step(name, k)
-    change = effect.to_forces(here, shape, here.force, amounts(name, k, h)) - here.force
+    change = effect.to_forces(here, hyperparameters, here.force, theta(name, k, h)) - here.force
     if parameter.bounds[0] < 0:
         slope = (force(name, k, h) - force(name, k, -h)) / 2
     else:  # nothing below 0: one way, second order too

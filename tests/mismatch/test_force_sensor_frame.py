@@ -34,7 +34,7 @@ def solver(folder, friction, turns_with="sensor"):
 
 @cache
 def solved(friction, effect, x, y):
-    """Return the force (3,) [N] in the sensor's axes with both amounts of an effect."""
+    """Return the force (3,) [N] in the sensor's axes with both values of an effect."""
     study = CATALOGUE[effect].to_study(solver(None, friction).coarse, {}, (x, y))
     cell = simulate_cell(study, specimens.STUDY_LAWS, PRESSED)
     assert cell.converged
@@ -98,10 +98,6 @@ def test_frames_differ_by_the_force_turned_as_full_solutions_and_tilted_studies_
         tilted = CATALOGUE["tilt"].to_study(own.study, {}, about)
         found = follow((Solver(tilted, own.laws, {}, own.kept, turns_with=turns_with), PRESSED, {}))["base"]
         assert_allclose(found[0], turn @ solved(0.45, "tilt", *about), rtol=1e-12, atol=1e-12)
-
-
-
-
 
 
 def test_a_session_says_its_frame_and_one_not_said_is_taken_for_a_cross_talk():

@@ -21,8 +21,10 @@ def friction_changes(context):
     law = context.observations.flat(context.derivative("friction_law"))
     own = friction.TERM
     return [
-        Candidate(own.name, shape, (1.0 + k) * law[:, None] ** (1 + 2 * k), own.prior_sd, np.zeros(1, int))
-        for k, shape in enumerate(own.shapes(context))
+        Candidate(
+            own.name, hyperparameters, (1.0 + k) * law[:, None] ** (1 + 2 * k), own.prior_sd, np.zeros(1, int)
+        )
+        for k, hyperparameters in enumerate(own.grid(context))
     ]
 
 
@@ -30,15 +32,15 @@ def test_a_study_has_the_friction_that_makes_the_map_about_its_own():
     # A study has the friction that makes the map
     context = replace(artificial.context(3, per_side=3), study=specimens.study())
     own = next(one for one in modules_of(context, friction_changes(context)) if one.name == "friction")
-    amounts = np.array([0.3, 0.4, -0.2, 0.1])
-    study, before = own.to_study(context.study, own.basis @ amounts), context.study.mechanics
+    theta = np.array([0.3, 0.4, -0.2, 0.1])
+    study, before = own.to_study(context.study, own.basis @ theta), context.study.mechanics
     terms = study.mechanics.effects.contact.pressure_terms
-    assert [term.exponent for term in terms] == pytest.approx(friction.WIDTH * amounts[1:])
+    assert [term.exponent for term in terms] == pytest.approx(friction.WIDTH * theta[1:])
     assert [term.reference_pressure_MPa for term in terms] == pytest.approx([1e-3, 1e-2, 1e-1])
     (excess,) = artificial.CATALOGUE["friction"].prior_sd
     assert study.mechanics.friction == pytest.approx(before.friction + 0.3 * excess)
     # the map is the coefficient's own change, where it is small
-    small = 1e-4 * amounts
+    small = 1e-4 * theta
     study, p = own.to_study(context.study, own.basis @ small), own.map["pressure_MPa"].to_numpy()
     mu = study.mechanics.friction * np.prod(
         [

@@ -13,13 +13,16 @@ from gelforge.mismatch.summary.words import sentence_of
 
 PROBLEM = SimpleNamespace(effects=CATALOGUE)
 PLACED = {"void", "inclusion", "delamination", "wall_gap"}
-SHAPES = {name: {"x_mm": 12.34, "y_mm": 20.1} for name in PLACED}
-SHAPES |= {"force_frame": {"axes": max(READ, key=len)}, "frictionless": {"coefficient": 0.0}}
+HYPERPARAMETERS = {name: {"x_mm": 12.34, "y_mm": 20.1} for name in PLACED}
+HYPERPARAMETERS |= {"force_frame": {"axes": max(READ, key=len)}, "frictionless": {"coefficient": 0.0}}
 
 
 def answer_of(*names, like=("tilt",), alternatives=()):
     """Return an answer whose effects have a line and alternatives each."""
-    parts = [SimpleNamespace(name=n, shape=SHAPES.get(n, {}), binary=CATALOGUE[n].binary) for n in names]
+    parts = [
+        SimpleNamespace(name=n, hyperparameters=HYPERPARAMETERS.get(n, {}), binary=CATALOGUE[n].binary)
+        for n in names
+    ]
     groups = [
         SimpleNamespace(
             members=(name, *like),
@@ -30,8 +33,8 @@ def answer_of(*names, like=("tilt",), alternatives=()):
         )
         for name in names
     ]
-    amounts = [[-0.1234] * max(1, len(CATALOGUE[name].parameters)) for name in names]
-    fit, adequacy = SimpleNamespace(parts=parts, amounts=amounts), SimpleNamespace(p=0.4)
+    theta = [[-0.1234] * max(1, len(CATALOGUE[name].parameters)) for name in names]
+    fit, adequacy = SimpleNamespace(parts=parts, theta=theta), SimpleNamespace(p=0.4)
     return SimpleNamespace(fit=fit, groups=groups, sure=groups, adequacy=adequacy)
 
 
@@ -66,8 +69,10 @@ def test_free_forms_and_no_answer_fit_and_the_value_is_said_where_it_fits():
     # Free forms discrepancies and no answer fit into it
     modules = modules_of(artificial.context(3, per_side=3), ())
     assert {"gain_in_time", "softening"} <= {module.name for module in modules}  # those of most words
-    for module, beside in product(modules, (False, True)):
-        model = SimpleNamespace(sure=True, module=module, probability=0.97, beside=beside, kernel=module)
+    for module, with_effects in product(modules, (False, True)):
+        model = SimpleNamespace(
+            sure=True, module=module, probability=0.97, with_effects=with_effects, kernel=module
+        )
         for said in (
             headline("identified", answer_of("delamination"), model),
             headline("unexplained", None, model),

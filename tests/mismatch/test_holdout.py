@@ -103,9 +103,9 @@ def chosen_gain(r, covariance, candidates, blocks):
     t = blocks.train
     part = [replace(candidate, columns=candidate.columns[t]) for candidate in candidates]
     best = screened(r[t], covariance.restricted(t), part)[0]
-    name, shape = best.name, best.parts[0].shape
-    columns = next(c.columns for c in candidates if (c.name, c.shape) == (name, shape))
-    change = columns @ best.amounts
+    name, hyperparameters = best.name, best.parts[0].hyperparameters
+    columns = next(c.columns for c in candidates if (c.name, c.hyperparameters) == (name, hyperparameters))
+    change = columns @ best.theta
     before = predictive_scores(Prediction(r, covariance), blocks, change)
     after = predictive_scores(Prediction(r - change, covariance, columns, best.covariance), blocks)
     return name, gain(sum(before.values()), sum(after.values()))

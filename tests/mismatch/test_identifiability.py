@@ -74,19 +74,17 @@ def test_effects_of_a_line_correlate_all_and_the_limit_has_the_stated_snr(world)
 
     # The limit has the stated snr
     _, covariance, candidates = world
-    limits = {(part.name, k): (part, amount) for part, k, amount in detection_limits(covariance, candidates)}
+    limits = {(part.name, k): (part, value) for part, k, value in detection_limits(covariance, candidates)}
     for candidate in candidates[:6]:
         for k in range(candidate.columns.shape[1]):
-            part, amount = limits[candidate.name, k]
-            change = amount * candidate.columns[:, k]
+            part, value = limits[candidate.name, k]
+            change = value * candidate.columns[:, k]
             assert part is candidate
             assert np.linalg.norm(covariance.whiten(change)) == pytest.approx(DETECTED_SNR)
-    place, amount = limits["inclusion", 0]
-    assert 0 < amount < np.inf and place in candidates
+    place, value = limits["inclusion", 0]
+    assert 0 < value < np.inf and place in candidates
     nothing = Candidate("none", {}, np.zeros((len(covariance), 1)), np.ones(1), np.zeros(1, int))
     assert detection_limits(covariance, [nothing]) == [(nothing, 0, np.inf)]
-
-
 
 
 def test_what_the_limit_promises(world):
@@ -152,7 +150,7 @@ def test_the_cheapest_deciding_experiment_comes_first(world):
     found = next_experiment(plans, first, second)
     assert [e.words for e in found][:2] == ["dead weights", "many dead weights"]
     assert found[0].decides and not found[2].decides
-    # Two effects of one change differ only by their amounts' priors, which are equal here.
+    # Two effects of one change differ only by their values' priors, which are equal here.
     assert found[2].expected_log_odds == pytest.approx(0, abs=1e-9)
     most = next_experiment(
         [plans[0], Plan("a little", 5.0, 0, covariance, {**weights, "force_gain": 0.01 * twin.columns})],

@@ -30,7 +30,7 @@ from gelforge.mismatch.images.flow_images import (
     seen_flows,
     shows_gel,
 )
-from gelforge.mismatch.images.flow_model import FlowUnknown, each_moved, flow_model
+from gelforge.mismatch.images.flow_model import FlowUnknown, flow_model, motions_of
 from gelforge.mismatch.inference.judge import judge
 from gelforge.mismatch.inference.patterns import dictionary
 from gelforge.mismatch.pipeline.stage import judge_recording
@@ -138,7 +138,7 @@ def test_forces_and_their_patterns_stay_clean_and_the_camera_leads(joint):
     assert both[0].log_bayes_factor > max(others) + 5
     scale = next(s for s in both if s.name == "camera_scale")
     # five standard deviations: where the real particles are is one draw, and so is its error
-    assert_allclose(scale.amounts[0], SCALE, atol=5 * np.sqrt(scale.covariance[0, 0]))
+    assert_allclose(scale.theta[0], SCALE, atol=5 * np.sqrt(scale.covariance[0, 0]))
     assert np.sqrt(scale.covariance[0, 0]) < SCALE / 10
 
 
@@ -188,12 +188,12 @@ def test_motion_at_a_mirror_image_is_the_one_solved_here(recorded, study):
     points = even_points(study.sensor, 0.3)[::97]
     places = [PlannedCell("", x, y, (0.5,)) for x, y in ((9.5, 9.5), (6.5, 9.5))]
     for place in places:
-        (there,) = each_moved(solver, solver.coarse, [place])
+        (there,) = motions_of(solver, solver.coarse, [place])
         alone = flow_model_module.moved_by((solver, solver.coarse, place, {}))
         assert_allclose(
             there.weights(points) @ there.base[0], alone.weights(points) @ alone.base[0], atol=1e-6
         )
-    assert {one.symmetry for one in each_moved(solver, solver.coarse, places)} != {"identity"}
+    assert {one.symmetry for one in motions_of(solver, solver.coarse, places)} != {"identity"}
 
 
 @pytest.mark.thorough
@@ -225,7 +225,7 @@ def test_what_bends_the_mesh_stays_at_first_order_in_the_flow(joint, monkeypatch
     def bent(*_):
         raise VirtualLabError("elements are not boxes")
 
-    monkeypatch.setattr(flow_model_module, "each_moved", bent)
+    monkeypatch.setattr(flow_model_module, "motions_of", bent)
     linear = joint.forces_with([(part, a)], every)
     assert_allclose(linear[:R], solved[:R], rtol=1e-12)
     change = joint.observations.flat(linear - joint.base)[n:]
@@ -343,7 +343,7 @@ def test_motion_that_cannot_be_solved_leaves_the_forces_and_is_told(recorded, jo
     monkeypatch.setattr(flow_model_module, "each_derivative", folds)
     planned = PlannedCell("", 8.0, 8.0, (0.313,))  # a depth that nothing else is solved at
     with pytest.raises(NotConverged, match=r"at \(8, 8\) mm: it folds"):
-        each_moved(solver, solver.coarse, [planned], [])
+        motions_of(solver, solver.coarse, [planned], [])
     monkeypatch.setattr(flow_model_module, "moved_by", lambda task: "it folds")
     forces = joint.flow.forces
     alone = with_flow(solver, joint.flow.model.base, forces, [session])
@@ -364,7 +364,7 @@ def test_what_the_forces_find_predicts_the_images_better(study, truth, tmp_path)
     verdict = judge_recording(Solver(higher, laws, {}, tmp_path / "solves"), [session], tmp_path, "zero")
     assert verdict.state in ("identified", "ambiguous")
     assert len(verdict.answer) == 1 and verdict.answer[0].members[0] == "contact_zero"
-    (deeper,) = next(effect for effect in verdict.effects if effect.name == "contact_zero").amounts
+    (deeper,) = next(effect for effect in verdict.effects if effect.name == "contact_zero").parameters
     low, high = deeper.interval_90
     # next to the interval a tenth, by which a change on the coarser mesh may err
     assert low - 0.1 * DEEPER_MM < DEEPER_MM < high + 0.1 * DEEPER_MM

@@ -10,7 +10,7 @@ from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.sensor.symmetry import D4, transform_points
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.effects.wall_side import SHAPES
+from gelforge.mismatch.effects.wall_side import GRID
 from gelforge.mismatch.fem import solver as solver_module
 from gelforge.mismatch.fem.solutions import Solver
 from gelforge.mismatch.fem.solver import base_of
@@ -44,14 +44,14 @@ def test_a_study_with_a_direction_has_no_images_and_forces_beside_a_broken_wall_
     path = PlannedCell("", 3.0, 4.0, (0.3,))
     assert image_of(tilted, path) == (path, "identity")
 
-    # Forces beside a broken wall are mirrored. Full solutions: the wall at the low end of y pressed next to it, and
+    # Forces next to a broken wall are mirrored. Full solutions: the wall at the low end of y pressed next to it, and
     # that of x at the image
     study, forces = specimens.study(), []
-    for shape, place in (
+    for hyperparameters, place in (
         ({"part": "wall", "side": "y_low"}, (6.0, 3.5)),
         ({"part": "wall", "side": "x_low"}, (3.5, 6.0)),
     ):
-        broken = CATALOGUE["wall_side"].to_study(study, shape, [0.9])
+        broken = CATALOGUE["wall_side"].to_study(study, hyperparameters, [0.9])
         path = PlannedCell("", *place, (0.4,))
         assert image_of(broken, path) == (path, "identity")
         forces.append(simulate_cell(broken, specimens.STUDY_LAWS, path).arrays["total_force_N"][0])
@@ -64,12 +64,12 @@ def test_a_study_with_a_direction_has_no_images_and_forces_beside_a_broken_wall_
 @pytest.mark.parametrize("symmetry", D4)
 def test_a_side_goes_with_the_sensor(symmetry):
     """At the image it is the side that the symmetry carries to the path's own, of the same part."""
-    shapes, width = [*SHAPES], 16.0
+    grid, width = [*GRID], 16.0
     out = {"x_low": (-1, 0), "x_high": (1, 0), "y_low": (0, -1), "y_high": (0, 1)}
-    for shape, number in zip(shapes, numbers_at_image(shapes, symmetry, width)):
-        image = shapes[number]
-        assert image["part"] == shape["part"]
-        assert np.array_equal(D4[symmetry] @ out[image["side"]], out[shape["side"]])
+    for hyperparameters, number in zip(grid, numbers_at_image(grid, symmetry, width)):
+        image = grid[number]
+        assert image["part"] == hyperparameters["part"]
+        assert np.array_equal(D4[symmetry] @ out[image["side"]], out[hyperparameters["side"]])
 
 
 @pytest.mark.thorough

@@ -52,17 +52,17 @@ def test_a_judgement_says_what_it_does(capsys, monkeypatch):
     assert stages[:2] == ["size and place of the mismatch", "evidence of sets of effects"]
     assert len(stages) > 4 and all(one.startswith("fit of ") for one in stages[2:-2])
     assert stages[-2:] == [
-        "amounts of the answer at their plausible widths",
+        "values of the answer at their plausible widths",
         "the answer on held-out readings, and what it leaves",
     ]
     assert "linear pass over sets of effects, steps: 4 of 4; took" in printed
 
 
 @pytest.mark.thorough  # of a tilt below, of a yaw in test_alarms, of turned axes in test_data_entry
-@pytest.mark.parametrize(("name", "amounts"), CASES)
-def test_one_effect_is_identified_and_predicts_what_was_held_out(name, amounts):
+@pytest.mark.parametrize(("name", "theta"), CASES)
+def test_one_effect_is_identified_and_predicts_what_was_held_out(name, theta):
     base = artificial.context(7, per_side=3)
-    _, found = judged(artificial.with_effect(base, name, amounts, np.random.default_rng(8)))
+    _, found = judged(artificial.with_effect(base, name, theta, np.random.default_rng(8)))
     assert found.state == "identified"
     (group,) = found.answer.sure
     assert name in group.names
@@ -84,9 +84,9 @@ def test_of_two_effects_each_has_a_group():
 @pytest.mark.parametrize("name", ["tilt", "cross_talk"])
 def test_without_the_effect_in_the_catalogue_it_is_not_named(name):
     """Each of these leaves a lateral pattern that nothing else in the artificial catalogue has."""
-    amounts = {"tilt": [3.0, -2.0], "cross_talk": [0, 0.15, 0, -0.1, 0, 0]}[name]
+    theta = {"tilt": [3.0, -2.0], "cross_talk": [0, 0.15, 0, -0.1, 0, 0]}[name]
     base = artificial.context(11, per_side=3)
-    context = artificial.with_effect(base, name, np.array(amounts, dtype=float), np.random.default_rng(12))
+    context = artificial.with_effect(base, name, np.array(theta, dtype=float), np.random.default_rng(12))
     alike = {"tilt": {"cross_talk", "misregistration"}, "cross_talk": {"tilt"}}[name] | {"thickness_gradient"}
     _, found = judged(context, left_out=LOCATED | {name} | alike)
     assert found.state in ("unexplained",)
@@ -160,7 +160,7 @@ def test_an_error_of_a_change_is_one_of_its_amount_that_goes_through_what_was_so
     assert start.parts[0].form_error == FORM_ERRORS[1]
     fits = [refitted(replace(problem, change_error=e), start, every) for e in (0.0, 0.1)]
     sd = [float(np.sqrt(fit.covariance[0, 0])) for fit in fits]
-    added = np.sqrt(sd[1] ** 2 - sd[0] ** 2) / fits[1].amounts[0][0]
+    added = np.sqrt(sd[1] ** 2 - sd[0] ** 2) / fits[1].theta[0][0]
     # Of the variance of 20 % a quarter is the same at all depths and places, for pressing and sideways forces on their own:
     # 10 / sqrt(2) % at least, 20 % at most.
     assert 0.07 < added < 0.2
@@ -197,17 +197,15 @@ def every_effect():
 def test_a_change_errs_by_its_share_at_every_reading(name, share):
     problem = replace(every_effect(), change_error=0.1)
     part = next(c for c in problem.candidates if c.name == name)
-    amounts = np.full(part.columns.shape[1], 0.3)
-    assert_allclose(
-        added(problem, part, amounts), (share * part.columns @ amounts) ** 2, rtol=1e-9, atol=1e-15
-    )
+    theta = np.full(part.columns.shape[1], 0.3)
+    assert_allclose(added(problem, part, theta), (share * part.columns @ theta) ** 2, rtol=1e-9, atol=1e-15)
     none = replace(problem, change_error=0.0)
-    assert none.with_model_error([(part, amounts)]) is none
+    assert none.with_model_error([(part, theta)]) is none
 
 
-def added(problem, part, amounts):
+def added(problem, part, theta):
     """Return the variance (n,) that errors of a change add."""
-    wider = problem.with_model_error([(part, amounts)]).covariance
+    wider = problem.with_model_error([(part, theta)]).covariance
     return wider.standard_deviation**2 - problem.covariance.standard_deviation**2
 
 
@@ -217,15 +215,20 @@ def test_a_defect_errs_by_its_place_too():
     voids = [c for c in problem.candidates if c.name == "void"]
     axes = ("x_mm", "y_mm", "z_mm", "radius_mm")
     part = voids[len(voids) // 4]  # of the middle, of the larger size
-    beside = []
+    neighbours = []
     for axis in axes:
-        along = [c for c in voids if all(c.shape[k] == part.shape[k] for k in axes if k != axis)]
+        along = [
+            c
+            for c in voids
+            if all(c.hyperparameters[k] == part.hyperparameters[k] for k in axes if k != axis)
+        ]
         for side in (-1, 1):
-            away = [(side * (c.shape[axis] - part.shape[axis]), k) for k, c in enumerate(along)]
+            away = [
+                (side * (c.hyperparameters[axis] - part.hyperparameters[axis]), k)
+                for k, c in enumerate(along)
+            ]
             nearest = min(((d, k) for d, k in away if d > 0), default=None)
-            beside += [along[nearest[1]]] if nearest else []
-    assert len(beside) == 5  # four in the plane, and the smaller size
-    own = PLACE_ERROR * np.column_stack([part.columns, *(c.columns - part.columns for c in beside)])
+            neighbours += [along[nearest[1]]] if nearest else []
+    assert len(neighbours) == 5  # four in the plane, and the smaller size
+    own = PLACE_ERROR * np.column_stack([part.columns, *(c.columns - part.columns for c in neighbours)])
     assert_allclose(added(problem, part, np.ones(1)), (own**2).sum(axis=1), rtol=1e-9, atol=1e-15)
-
-

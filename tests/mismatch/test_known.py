@@ -15,15 +15,15 @@ from gelforge.mismatch.fem.nominal import with_known
 from gelforge.mismatch.fem.solver import Base
 
 
-def based_on(effect, amounts, shape):
+def based_on(effect, theta, hyperparameters):
     """Return the artificial base, and with one effect taken as known."""
     context = artificial.context(3, per_side=3)
-    known = {"effect": effect, "amounts": amounts, "shape": shape}
+    known = {"effect": effect, "parameters": theta, "hyperparameters": hyperparameters}
     study = study_from(merged(context.study.model_dump(mode="json"), {"mismatch": {"known": [known]}}))
     same = context.force
-    each = np.ones((len(same), 1))
+    unit = np.ones((len(same), 1))
     law, floor = 0.02 * same[..., None], 0.01 * np.abs(same)
-    base = Base(context, None, same, same, each, law, floor, np.arange(len(same)), {})
+    base = Base(context, None, same, same, unit, law, floor, np.arange(len(same)), {})
     return base, with_known(base, SimpleNamespace(study=study))
 
 
@@ -35,7 +35,7 @@ def test_axes_that_are_known_are_those_that_are_told(axes):
 
 
 @pytest.mark.parametrize(
-    ("effect", "amounts", "shape", "read"),
+    ("effect", "theta", "hyperparameters", "read"),
     [
         ("force_gain", {"x": -0.1, "z": 0.12}, {}, np.diag([0.9, 1.0, 1.12])),
         ("force_unit", {"on": 1}, {"unit": "kgf"}, np.eye(3) / 9.80665),
@@ -43,10 +43,10 @@ def test_axes_that_are_known_are_those_that_are_told(axes):
         ("force_offset", {"z": 0.3}, None, np.eye(3)),  # what is added reads no change otherwise
     ],
 )
-def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, amounts, shape, read):
-    if shape is None:
-        shape = CATALOGUE[effect].shapes(artificial.context(3, per_side=3))[0]
-    base, changed = based_on(effect, amounts, dict(shape))
+def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, theta, hyperparameters, read):
+    if hyperparameters is None:
+        hyperparameters = CATALOGUE[effect].grid(artificial.context(3, per_side=3))[0]
+    base, changed = based_on(effect, theta, dict(hyperparameters))
     before, after = base.context, changed.context
     assert_allclose(changed.sensor, read, atol=1e-12)
     name = "gel_stiffness"
@@ -57,7 +57,7 @@ def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, amounts, 
 
 
 @pytest.mark.parametrize(
-    ("effect", "amounts", "shape", "told"),
+    ("effect", "theta", "hyperparameters", "told"),
     [
         ("force_frame", {"on": 1}, {}, r"must have \['axes'\]; those tried are axes: turned by 180 deg, "),
         ("force_unit", {"on": 1}, {}, r"must have \['unit'\]; those tried are unit: .*kgf"),
@@ -67,12 +67,12 @@ def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, amounts, 
             {"axes": "askew"},
             "no axes 'askew'; those tried are axes: turned by 180 deg",
         ),
-        ("force_frame", {"on": 1}, {"axis": "y reversed"}, r"its shape has \['axis'\] and must have"),
+        ("force_frame", {"on": 1}, {"axis": "y reversed"}, r"its hyperparameters are \['axis'\] and must be"),
         ("force_gain", {"z": 0.1}, {"axes": "y reversed"}, r"must have \[\]; those tried are none"),
         ("force_gain", {"w": 0.1}, {}, r"no parameter \['w'\]; it has"),
         ("force_grain", {"z": 0.1}, {}, "no effect 'force_grain'"),
     ],
 )
-def test_what_is_known_without_saying_which_is_refused(effect, amounts, shape, told):
+def test_what_is_known_without_saying_which_is_refused(effect, theta, hyperparameters, told):
     with pytest.raises(ConfigError, match=told):
-        based_on(effect, amounts, shape)
+        based_on(effect, theta, hyperparameters)

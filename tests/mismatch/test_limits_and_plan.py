@@ -75,7 +75,7 @@ def limits(solver):
 # --- limits
 
 
-def test_limits_prints_and_writes_every_amount_beside_a_plausible_one(
+def test_limits_prints_and_writes_every_value_next_to_a_plausible_one(
     home, limits, capsys, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
@@ -87,7 +87,7 @@ def test_limits_prints_and_writes_every_amount_beside_a_plausible_one(
     for row in written.itertuples():
         parameter = next(p for p in CATALOGUE[row.effect].parameters if p.name == row.parameter)
         assert (row.unit, row.plausible) == (parameter.unit, parameter.width)
-        assert row.plausible_amount_seen == (row.detectable <= row.plausible)
+        assert row.plausible_value_seen == (row.detectable <= row.plausible)
     printed = capsys.readouterr().out
     assert all(name in printed for name in TRIED) and f"{limits['detectable'].iloc[0]:.3g}" in printed
 
@@ -114,12 +114,12 @@ def test_limits_names_what_could_not_be_tried_and_why(home, monkeypatch, capsys)
     assert "gel_stiffness could not be tried: it folds" in capsys.readouterr().out
 
 
-def pressed(study, amount, table):
+def pressed(study, value, table):
     """Return the forces (R, 3) [N] at planned readings of a gel that is so much stiffer, on the study's own mesh.
 
     All positions of NARROW are images of one.
     """
-    stiffer = SOLVER_EFFECTS["gel_stiffness"](study, amount)
+    stiffer = SOLVER_EFFECTS["gel_stiffness"](study, value)
     cell = replace(next(iter(plan_cells(study).values())), source=None)
     total = simulate_cell(stiffer, specimens.STUDY_LAWS, cell).arrays["total_force_N"]
     force = total[np.searchsorted(cell.depths_mm, table["depth_mm"])]
@@ -129,7 +129,7 @@ def pressed(study, amount, table):
 
 
 @pytest.mark.thorough
-def test_a_recording_shows_the_limit_s_amount_as_promised(home):
+def test_a_recording_shows_the_limit_s_value_as_promised(home):
     """Pressed on the study's own mesh it is DETECTED_SNR away from the base, and five times as much is read as that.
 
     Within 10 %, by which the judge allows a change on its coarser mesh to err; the mesh is finer than elsewhere for that,
@@ -216,10 +216,10 @@ def test_where_readings_cannot_tell_the_plan_says_what_would(home, tmp_path, lim
     write_verdict(tmp_path, Verdict.model_validate(found))
     assert command(home, "plan", "--out", tmp_path) == 0
     table = pd.read_csv(tmp_path / "experiments.csv").set_index("experiment")
-    assert table.loc["the same plan again", "plausible_amounts_seen"] == limits["plausible_amount_seen"].sum()
+    assert table.loc["the same plan again", "plausible_values_seen"] == limits["plausible_value_seen"].sum()
     assert pd.isna(table.loc["the same plan again", "seen_newly"])
     again, later = table.loc["the same plan again"], table.loc["the same plan now and in 30 days"]
-    assert later["plausible_amounts_seen"] >= again["plausible_amounts_seen"]
+    assert later["plausible_values_seen"] >= again["plausible_values_seen"]
     assert later["minutes"] > again["minutes"]
 
 

@@ -1,4 +1,4 @@
-"""Evidence of many sets at once is that of each by itself, and that of a linear model with normal amounts."""
+"""Evidence of many sets at once is that of each by itself, and that of a linear model with normal values."""
 
 from itertools import combinations
 
@@ -36,7 +36,9 @@ def test_many_sets_at_once_are_as_likely_as_each_by_itself(size):
     found = linear.log_bayes_factors(sets, scales)
     for own, scale, value in zip(sets, scales, found):
         parts = [
-            Candidate(c.name, c.shape, c.columns, c.prior_sd * (1.0 if c.binary else s), c.signs, c.binary)
+            Candidate(
+                c.name, c.hyperparameters, c.columns, c.prior_sd * (1.0 if c.binary else s), c.signs, c.binary
+            )
             for c, s in zip((tried[k] for k in own), scale)
         ]
         white = [covariance.whiten(part.columns) for part in parts]
@@ -54,7 +56,7 @@ def test_evidence_is_that_of_a_normal_model_with_and_without_a_sign():
     assert found[0] == pytest.approx(exact, rel=1e-9)
     assert evidence(r, J, prior_sd, np.zeros(3))[0] == pytest.approx(exact, rel=1e-9)
 
-    # One amount: the evidence with a sign is twice the share of the posterior on that side (exact).
+    # One value: the evidence with a sign is twice the share of the posterior on that side (exact).
     from scipy.stats import norm
 
     b, G = 3.0, 4.0

@@ -105,7 +105,7 @@ def named_in(verdict):
 
 @pytest.mark.thorough(but_first=1)
 @pytest.mark.parametrize("seed", range(3))
-def test_nothing_missing_is_null_with_the_amounts_that_would_have_been_seen(seed):
+def test_nothing_missing_is_null_with_the_values_that_would_have_been_seen(seed):
     verdict = judged(samples_of(np.random.default_rng(seed)))
     assert verdict.state == "consistent" and not verdict.answer
     limits = {limit.effect: limit for limit in verdict.detection_limits}
@@ -140,8 +140,8 @@ def test_flow_that_stress_speeds_up_is_told_from_linear_relaxation():
     tests = samples_of(np.random.default_rng(5), flowing, hold_s=200.0)
     verdict = judged(tests)
     assert named_in(verdict) == ["viscoelastic"]
-    shape = next(e for e in verdict.effects if e.name == "viscoelastic").shape
-    assert "flow_strain" in shape
+    hyperparameters = next(e for e in verdict.effects if e.name == "viscoelastic").hyperparameters
+    assert "flow_strain" in hyperparameters
 
 
 def test_a_gain_between_load_cells_and_ageing_alone_are_named():
@@ -152,8 +152,8 @@ def test_a_gain_between_load_cells_and_ageing_alone_are_named():
     tests = [replace(t, age_days=1.0) for t in young] + [replace(t, age_days=60.0) for t in old]
     verdict = judged(tests)
     assert verdict.state == "identified" and named_in(verdict) == ["ageing"]
-    amount = next(e for e in verdict.effects if e.name == "ageing").amounts[0]
-    assert amount.interval_90[0] < 0.4 < amount.interval_90[1]
+    value = next(e for e in verdict.effects if e.name == "ageing").parameters[0]
+    assert value.interval_90[0] < 0.4 < value.interval_90[1]
 
     # What is not there is not in the most probable set. A change that is nothing but a gain: the offset next to it
     # is paid for and not had
@@ -197,8 +197,8 @@ def test_a_foam_that_ages_in_law_and_relaxation_is_named_with_both():
     verdict = judged([*young, *old])
     assert "foam" in verdict.provenance.base
     assert set(named_in(verdict)) == {"viscoelastic", "ageing"}
-    amounts = {a.name: a.value for a in next(e for e in verdict.effects if e.name == "ageing").amounts}
-    assert amounts["change_of_law_shape_1"] > 0.1 and amounts["change_of_relaxation"] > 0.1
+    theta = {a.name: a.value for a in next(e for e in verdict.effects if e.name == "ageing").parameters}
+    assert theta["change_of_law_shape_1"] > 0.1 and theta["change_of_relaxation"] > 0.1
 
 
 def test_a_fit_lies_in_the_middle_of_shared_errors_and_a_dense_covariance_whitens():
@@ -225,7 +225,7 @@ def test_a_fit_lies_in_the_middle_of_shared_errors_and_a_dense_covariance_whiten
     factor = Parameter("factor", "1", 1.0, (-0.9, 5.0), "any")
     found = fitted(readings, [Change("force_gain", (factor,), lambda P, a: P * (1 + a[0]))])
     # 1.1 % is the scatter of the mean, 5 % / sqrt(20). Shares of the measured stress drive the factor to its bound.
-    assert abs(found.judged.amounts[0]) < 0.011
+    assert abs(found.judged.theta[0]) < 0.011
 
     # A dense covariance whitens
     A = np.random.default_rng(1).standard_normal((6, 9))
@@ -263,12 +263,12 @@ def test_linear_changes_have_the_evidence_of_a_density_and_a_ramp_its_closed_for
     assert fit.log_evidence == pytest.approx(exact, abs=1e-4)
     posterior, fits = posterior_of(readings.changed_by(LINEAR))
     scales = np.array([1.0, 0.3, 0.1]) * 0.1
-    each = [
+    factors = [
         Dense(readings.fixed + (J * [g, o]) ** 1 @ (J * [g, o]).T).log_density(r)
         for g in scales
         for o in scales
     ]
-    average = np.logaddexp.reduce(each) - np.log(9) - readings.covariance.log_density(r)
+    average = np.logaddexp.reduce(factors) - np.log(9) - readings.covariance.log_density(r)
     assert posterior.evidence[frozenset({"force_gain", "force_offset"})] == pytest.approx(average, abs=1e-3)
     assert len(fits) == 3 and posterior.ranked()[0] == {"force_gain", "force_offset"}
 
@@ -365,9 +365,9 @@ def test_the_irradiated_foam_ages_on_top_of_its_relaxation():
     verdict = shared("nist_foam_ageing")["VN01"]
     assert named_in(verdict)[:2] == ["viscoelastic", "ageing"]
     ageing = next(e for e in verdict.effects if e.name == "ageing")
-    amounts = {a.name: a.value for a in ageing.amounts}
+    theta = {a.name: a.value for a in ageing.parameters}
     # one specimen per dose: softening may be instead
-    assert 0.5 < ageing.probability and amounts["change_over_span"] < 0
+    assert 0.5 < ageing.probability and theta["change_over_span"] < 0
 
 
 @shared_data.needs_shared
@@ -406,5 +406,5 @@ def test_two_load_cells_differ_in_gain_alone_as_the_command_writes(tmp_path):
         == 0
     )
     content = json.loads((tmp_path / "verdict.json").read_text())
-    assert content["format"] == "gelforge-verdict-4" and content["state"] == "identified"
+    assert content["format"] == "gelforge-verdict-5" and content["state"] == "identified"
     assert (tmp_path / "material_readings.csv").is_file()

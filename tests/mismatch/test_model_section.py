@@ -20,11 +20,11 @@ TRIED = {"force_offset", "tilt", "yaw"}  # none of them follows a share that fal
 
 
 def bending(*effects):
-    """Return a problem whose pressing force is off by such a share, with effects (name, amounts) next to it."""
+    """Return a problem whose pressing force is off by such a share, with effects (name, values) next to it."""
     context = artificial.context(23, per_side=4)
     force = context.force.copy()
-    for name, amounts in effects:
-        force = CATALOGUE[name].to_forces(context, {}, force, np.array(amounts, dtype=float))
+    for name, theta in effects:
+        force = CATALOGUE[name].to_forces(context, {}, force, np.array(theta, dtype=float))
     depth = context.observations.table["depth_mm"].to_numpy(float)
     force[:, 2] += 0.08 * np.cos(2.0 * depth) * context.force[:, 2]
     context = artificial.read(context, force, np.random.default_rng(24))
@@ -43,7 +43,7 @@ def test_what_no_effect_explains_is_modelled_in_sections_and_nothing_in_none(mod
     said = verdict(problem, found)
     assert said.state == "unexplained" and not said.sure
     model, depths = said.model, problem.observations.table["depth_mm"]
-    assert "the pressing force with depth" in model.words and model.corrects_labels and not model.beside
+    assert "the pressing force with depth" in model.words and model.corrects_labels and not model.with_effects
     assert model.depth_mm == pytest.approx((depths.min(), depths.max())) and model.sites == 16
     assert model.held_out.shown and model.held_out.gain == found.model.held.gain
     held = found.blocks.held_out
@@ -78,8 +78,8 @@ def test_a_sure_effect_stands_beside_what_is_modelled():
     found = judge(problem, SETTINGS, seed=1)
     said = verdict(problem, found)
     assert said.state == "identified" and said.sure[0].members[0] == "tilt"
-    assert said.model.beside == ["tilt"]
-    # before it stands the effect alone, whose amounts follow the training readings
+    assert said.model.with_effects == ["tilt"]
+    # before it stands the effect alone, whose values follow the training readings
     assert said.model.held_out.before.rmse_N == said.fit.held_out.after.rmse_N
 
 

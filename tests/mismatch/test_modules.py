@@ -38,28 +38,28 @@ def places(context):
 
 def box_changes(context):
     """Return the boxes' shapes (B) and how their modulus changes the force (R, 3, B): nearer ones more, shares of it all."""
-    shapes = boxes(context.study)
-    at = np.array([[shape[name] for name in ("x_mm", "y_mm", "z_mm")] for shape in shapes])
+    grid = boxes(context.study)
+    at = np.array([[hyperparameters[name] for name in ("x_mm", "y_mm", "z_mm")] for hyperparameters in grid])
     x, y, d = places(context)
     away = (x[:, None] - at[:, 0]) ** 2 + (y[:, None] - at[:, 1]) ** 2
     share = np.exp(-away / (2 * (2 + 0.5 * d[:, None]) ** 2) + at[:, 2] / (2 + d[:, None]))
     share /= share.sum(axis=1, keepdims=True)
-    return shapes, context.force[:, :, None] * share[:, None, :]
+    return grid, context.force[:, :, None] * share[:, None, :]
 
 
 def candidates(context):
-    shapes, changes = box_changes(context)
+    grid, changes = box_changes(context)
     flat = context.observations.flat
     return [
-        Candidate(BOX.name, shape, flat(changes[:, :, k])[:, None], BOX.prior_sd, np.zeros(1, int))
-        for k, shape in enumerate(shapes)
+        Candidate(BOX.name, hyperparameters, flat(changes[:, :, k])[:, None], BOX.prior_sd, np.zeros(1, int))
+        for k, hyperparameters in enumerate(grid)
     ]
 
 
 def softer_to_one_side(context):
     """Return the forces of a body whose modulus falls along x, and its relative change (B,) box by box."""
-    shapes, changes = box_changes(context)
-    change = -0.15 * np.tanh([1.5 * (shape["x_mm"] - MIDDLE) / MIDDLE for shape in shapes])
+    grid, changes = box_changes(context)
+    change = -0.15 * np.tanh([1.5 * (hyperparameters["x_mm"] - MIDDLE) / MIDDLE for hyperparameters in grid])
     return context.force + changes @ change, change
 
 
@@ -198,17 +198,15 @@ def test_a_body_softer_to_one_side_is_said_and_its_correction_needs_a_sure_cause
             Verdict.model_validate(said.model_copy(update={"model": model}).model_dump())
 
 
-
-
 def test_the_patched_study_has_the_map_and_a_gel_of_another_form_relaxes():
     # The patched study has the map of the modulus
     study = specimens.study()
     context = replace(artificial.context(3, per_side=3), study=study)
-    shapes = boxes(study)
+    grid = boxes(study)
     flat = np.ones((len(context.observations.flat(context.force)), 1))
-    changes = [Candidate(BOX.name, s, flat, BOX.prior_sd, np.zeros(1, int)) for s in shapes]
+    changes = [Candidate(BOX.name, s, flat, BOX.prior_sd, np.zeros(1, int)) for s in grid]
     own = next(one for one in modules_of(context, changes) if one.name == "modulus_map")
-    change = np.linspace(-0.2, 0.2, len(shapes))
+    change = np.linspace(-0.2, 0.2, len(grid))
     keys = patch_of(study, {}, (), own, own.map.assign(mean=change))
     patches = keys["mechanics"]["effects"]["geometry"]["patches"]
     assert [patch["factor"] for patch in patches] == pytest.approx((1 + change).tolist())
@@ -256,14 +254,12 @@ def test_a_form_counts_for_what_it_generalises_and_causes_share_the_chances(modu
     assert sum(posterior.kernels.values()) == pytest.approx(posterior.holding([UNKNOWN]), abs=1e-9)
 
 
-
-
 def terms(context):
     """Return the changes by the terms of the energy, as the solver would give them."""
     flat = context.observations.flat(context.force)
     return [
-        Candidate(TERM.name, shape, (k + 1.0) * flat[:, None], TERM.prior_sd, np.zeros(1, int))
-        for k, shape in enumerate(TERM.shapes(context))
+        Candidate(TERM.name, hyperparameters, (k + 1.0) * flat[:, None], TERM.prior_sd, np.zeros(1, int))
+        for k, hyperparameters in enumerate(TERM.grid(context))
     ]
 
 
@@ -271,14 +267,14 @@ def test_the_energy_of_the_map_is_in_the_study_and_the_cause_on_the_page_is_whol
     # A study has the energy or the spectrum that makes the map
     context = replace(artificial.context(3, per_side=3), study=specimens.study())
     own = next(one for one in modules_of(context, terms(context)) if one.name == "strain_energy")
-    amounts = np.array([0.4, -0.2, 0.1, 0.3])
-    study = own.to_study(own.to_study(context.study, own.basis @ amounts), own.basis @ amounts)
+    theta = np.array([0.4, -0.2, 0.1, 0.3])
+    study = own.to_study(own.to_study(context.study, own.basis @ theta), own.basis @ theta)
     correction = study.mechanics.effects.material.energy_correction
-    expected = 2 * TERM.prior_sd[0] * amounts  # twice over
+    expected = 2 * TERM.prior_sd[0] * theta  # twice over
     assert [correction["gel"].c2, correction["gel"].c3] == pytest.approx(expected[:2])
     assert [correction["skin"].c2, correction["skin"].c3] == pytest.approx(expected[2:])
     gel = (own.map["quantity"] == "gel's dW/dI1").to_numpy() & (own.map["I1_less_3"] == 0.5).to_numpy()
-    assert (own.basis @ amounts)[gel] == pytest.approx(TERM.prior_sd[0] * (0.4 * 2 * 0.5 - 0.2 * 3 * 0.25))
+    assert (own.basis @ theta)[gel] == pytest.approx(TERM.prior_sd[0] * (0.4 * 2 * 0.5 - 0.2 * 3 * 0.25))
 
     # A study has the branches of a spectrum
     own = next(one for one in modules_of(context, ()) if one.name == "relaxation")
@@ -329,5 +325,3 @@ def test_an_effect_of_the_catalogue_stays_preferred():
     found = judge(hidden, SETTINGS, seed=1)
     assert found.state == "identified" and found.answer.sure[0].members[0] == "force_gain"
     assert found.posterior.holding([UNKNOWN]) < 0.2
-
-

@@ -59,7 +59,7 @@ def pressed(study, sites, depths):
     forces = np.array([cell.arrays["total_force_N"] for cell in cells])
     for known in study.mismatch.known:  # of the force sensor
         assert known.effect == "force_gain"
-        forces = forces * (1 + np.array([known.amounts[axis] for axis in "xyz"]))
+        forces = forces * (1 + np.array([known.parameters[axis] for axis in "xyz"]))
     return forces
 
 
@@ -81,18 +81,21 @@ def test_the_patched_study_presses_what_the_judge_calls_after(case, tmp_path):
         planned_observations(plain, dwell_s=()),
     )
     base = base_of(solver, planned, [])
-    effects = [(CATALOGUE[name], np.array(amounts)) for name, amounts in CASES[case]]
-    chosen = [(effect, effect.shapes(base.context)[0], amounts) for effect, amounts in effects]
+    effects = [(CATALOGUE[name], np.array(theta)) for name, theta in CASES[case]]
+    chosen = [(effect, effect.grid(base.context)[0], theta) for effect, theta in effects]
     after = forces_with(solver, base, chosen)
-    terms = [(SimpleNamespace(name=effect.name, shape=shape), a) for effect, shape, a in chosen]
+    terms = [
+        (SimpleNamespace(name=effect.name, hyperparameters=hyperparameters), a)
+        for effect, hyperparameters, a in chosen
+    ]
     there = patched(plain, yaml.safe_load(yaml.safe_dump(patch_of(plain, CATALOGUE, terms))))
     presses = pressed(there, planned.sites, DEPTHS)[
         planned.table["site"], np.searchsorted(DEPTHS, planned.table["depth_mm"])
     ]
     near = np.ones(len(after), bool)
-    for _, shape, _ in chosen:
-        if "x_mm" in shape:
-            away = planned.table[["x_mm", "y_mm"]] - [shape["x_mm"], shape["y_mm"]]
+    for _, hyperparameters, _ in chosen:
+        if "x_mm" in hyperparameters:
+            away = planned.table[["x_mm", "y_mm"]] - [hyperparameters["x_mm"], hyperparameters["y_mm"]]
             near = np.linalg.norm(away, axis=1) < REACH_MM
     assert 0 < near.sum() and np.abs(after - base.context.force)[near].max() > 0.03  # N: without the patch
     size = np.abs(after).max()
@@ -103,18 +106,19 @@ def test_the_patched_study_presses_what_the_judge_calls_after(case, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "shape", "amount"), [("viscoelastic", {"part": "gel", "time_s": 1.0}, 0.3), ("ageing", {}, 0.01)]
+    ("name", "hyperparameters", "value"),
+    [("viscoelastic", {"part": "gel", "time_s": 1.0}, 0.3), ("ageing", {}, 0.01)],
 )
-def test_a_patched_base_is_followed_in_the_time_of_the_readings(name, shape, amount, tmp_path):
+def test_a_patched_base_is_followed_in_the_time_of_the_readings(name, hyperparameters, value, tmp_path):
     """Two sessions 30 days apart, each press read as it arrives and half a second later."""
     plain, effect = study(), CATALOGUE[name]
     planned = planned_observations(plain, dwell_s=(0.5,), ages_days=(0.0, 30.0))
     planned = planned.chosen((planned.table["site"] == 0).to_numpy())
     solver = Solver(plain, specimens.STUDY_LAWS, {}, tmp_path)
     base = base_of(solver, planned, [])
-    after = forces_with(solver, base, [(effect, shape, np.array([amount]))])
+    after = forces_with(solver, base, [(effect, hyperparameters, np.array([value]))])
     assert np.abs(after - base.context.force).max() > 0.03  # N: without the patch
-    term = SimpleNamespace(name=name, shape=shape), np.array([amount])
+    term = SimpleNamespace(name=name, hyperparameters=hyperparameters), np.array([value])
     there = patched(plain, patch_of(plain, CATALOGUE, [term]))
     judged_by = base_of(replace(solver, study=there), planned, [])
     assert_allclose(judged_by.context.force, after, rtol=0, atol=SAME * np.abs(after).max())

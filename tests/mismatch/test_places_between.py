@@ -34,7 +34,7 @@ def test_a_place_tried_is_the_nearest_one_and_slopes_are_of_linear_columns():
     problem = problem_of(artificial.context(61, per_side=3), left_out=())
     rows = np.linspace(0, 1, len(problem.labels))[:, None]
     balls = [
-        replace(c, columns=(2 * c.shape["x_mm"] - 3 * c.shape["y_mm"]) * rows)
+        replace(c, columns=(2 * c.hyperparameters["x_mm"] - 3 * c.hyperparameters["y_mm"]) * rows)
         for c in problem.candidates
         if c.name == "void"
     ]
@@ -51,14 +51,14 @@ def test_a_place_tried_is_the_nearest_one_and_slopes_are_of_linear_columns():
     sizes = sorted({place["radius_mm"] for place in TRIED})
     for ball in balls:
         slope = slopes(ball, balls)["radius_mm"]
-        reach = [ball.shape["radius_mm"] + end for end in (slope.low, slope.high)]
+        reach = [ball.hyperparameters["radius_mm"] + end for end in (slope.low, slope.high)]
         assert reach[1] == pytest.approx(sizes[1]) and 0 < reach[0] <= sizes[0]
 
     # The first order of a void between places is between theirs
     base = artificial.context(64, per_side=3)
-    effect, shapes = CATALOGUE["void"], CATALOGUE["void"].shapes(base)
-    ends = [effect.to_forces(base, shapes[k], base.force, [0.5]) for k in (6, 7)]
-    middle = effect.to_forces(base, between(shapes[6], shapes[7], 0.5), base.force, [0.5])
+    effect, grid = CATALOGUE["void"], CATALOGUE["void"].grid(base)
+    ends = [effect.to_forces(base, grid[k], base.force, [0.5]) for k in (6, 7)]
+    middle = effect.to_forces(base, between(grid[6], grid[7], 0.5), base.force, [0.5])
     assert middle == pytest.approx((ends[0] + ends[1]) / 2, abs=1e-12)
 
 
@@ -68,13 +68,11 @@ def test_half_way_is_half_of_either(share):
     assert found == {6: pytest.approx(1 - share), 7: pytest.approx(share)}
 
 
-
-
-def bubble(context, place, amount=1.0):
+def bubble(context, place, value=1.0):
     """Return the change (R, 3) [N] by a bubble at any place."""
     table = context.observations.table
     x, y, d = (table[name].to_numpy(float) for name in ("x_mm", "y_mm", "depth_mm"))
-    return -0.2 * amount * artificial._bump(place, x, y) * d[:, None] * context.force
+    return -0.2 * value * artificial._bump(place, x, y) * d[:, None] * context.force
 
 
 def solvable(context):
@@ -86,7 +84,7 @@ def solvable(context):
         force = linear([(part, a) for part, a in terms if part.name != "void"], rows)
         for part, a in terms:
             if part.name == "void":
-                force = force + bubble(context, part.shape, a[0])
+                force = force + bubble(context, part.hyperparameters, a[0])
         return np.where(rows[:, None], force, np.nan)
 
     return replace(problem, forces_with=forces_with)
@@ -100,7 +98,7 @@ def fitted_alone(context):
     return problem, start, refitted(problem, start, np.ones(len(problem.labels), bool))
 
 
-def beside_the_middle(along, across):
+def off_the_middle(along, across):
     k = next(k for k, place in enumerate(TRIED) if place["x_mm"] > 8 and place["y_mm"] > 8)
     spacing = min(p["x_mm"] - TRIED[k]["x_mm"] for p in TRIED if p["x_mm"] > TRIED[k]["x_mm"] + 1e-9)
     there = TRIED[k] | {
@@ -119,13 +117,13 @@ def away(place, there):
 def test_a_refit_moves_to_where_the_bubble_is(along, across):
     """Within 0.09 of the spacing: it waits for no step below 0.05. An error of the way would hold it back by 0.1."""
     base = artificial.context(62)
-    there, spacing = beside_the_middle(along, across)
+    there, spacing = off_the_middle(along, across)
     context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
     _, start, fit = fitted_alone(context)
     (found,) = fit.parts
-    assert fit.converged and found.tried == dict(start.parts[0].shape)
-    assert away(found.shape, there) < 0.09 * spacing < away(found.tried, there)
-    assert fit.amounts[0] == pytest.approx(1.0, rel=0.1)  # its form may be another by a quarter
+    assert fit.converged and found.tried == dict(start.parts[0].hyperparameters)
+    assert away(found.hyperparameters, there) < 0.09 * spacing < away(found.tried, there)
+    assert fit.theta[0] == pytest.approx(1.0, rel=0.1)  # its form may be another by a quarter
     assert fit.log_bayes_factor > start.log_bayes_factor
 
 
@@ -139,23 +137,23 @@ def test_a_refit_finds_how_large_the_bubble_is(share):
         name: getattr(seen, name) / 10 for name in ("noise_N", "zero_N", "press_depth_mm", "session_depth_mm")
     }
     base = replace(base, observations=replace(seen, **quiet))
-    there, spacing = beside_the_middle(0.2, 0.1)
+    there, spacing = off_the_middle(0.2, 0.1)
     sizes = sorted({place["radius_mm"] for place in TRIED})
     there["radius_mm"] = sizes[0] + share * (sizes[1] - sizes[0])
     context = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(69))
     *_, fit = fitted_alone(context)
     (found,) = fit.parts
-    off = abs(found.shape["radius_mm"] - there["radius_mm"])
+    off = abs(found.hyperparameters["radius_mm"] - there["radius_mm"])
     assert off < 0.1 < abs(found.tried["radius_mm"] - there["radius_mm"])
-    assert fit.amounts[0] == pytest.approx(1.0, rel=0.1)
-    assert away(found.shape, there) < 0.05 * spacing
+    assert fit.theta[0] == pytest.approx(1.0, rel=0.1)
+    assert away(found.hyperparameters, there) < 0.05 * spacing
 
 
 @pytest.mark.thorough
 def test_beside_another_effect_the_place_is_fitted_too():
     """Its linear change is then that of its own place, not of the one that was tried."""
     base = artificial.context(62)
-    there, spacing = beside_the_middle(0.3, 0.3)
+    there, spacing = off_the_middle(0.3, 0.3)
     stiffer = CATALOGUE["gel_stiffness"].to_forces(base, {}, base.force, [0.1])
     context = artificial.read(base, stiffer + bubble(base, there), np.random.default_rng(64))
     problem = solvable(context)
@@ -168,10 +166,10 @@ def test_beside_another_effect_the_place_is_fitted_too():
     start = judged_by(problem.covariance.whiten(problem.residual), parts, columns)
     fit = refitted(problem, start, every)
     void = fit.parts[1]
-    assert away(void.shape, there) < 0.1 * spacing and len(fit.spread) > 2
+    assert away(void.hyperparameters, there) < 0.1 * spacing and len(fit.spread) > 2
     change = problem.observations.flat(bubble(context, there))
     off = [
-        np.linalg.norm(one.columns @ fit.amounts[1] - change)
+        np.linalg.norm(one.columns @ fit.theta[1] - change)
         for one in (problem.at_its_place(void), problem.tried(void))
     ]
     assert off[0] < 0.6 * off[1]
@@ -182,7 +180,7 @@ def test_errors_are_of_form_once_a_place_is_found_and_a_step_too_far_is_not_take
     problem = replace(problem_of(artificial.context(65, per_side=3), left_out=()), change_error=0.1)
     part = next(c for c in problem.candidates if c.name == "void" and c.tried == TRIED[12])
     there = displaced(part, {"x_mm": 1.0})
-    assert there.shape["x_mm"] == TRIED[12]["x_mm"] + 1.0 and there.tried == TRIED[12]
+    assert there.hyperparameters["x_mm"] == TRIED[12]["x_mm"] + 1.0 and there.tried == TRIED[12]
     assert (problem.error_of(part), problem.error_of(there)) == (PLACE_ERROR, FORM_ERRORS[1])
     tried, found = (problem.errors_of([(one, np.ones(1))]) for one in (part, there))
     next_to = slice(6, None)  # before: three shares of pressing and of sideways forces
@@ -208,13 +206,13 @@ def test_errors_are_of_form_once_a_place_is_found_and_a_step_too_far_is_not_take
 
     def odd(terms, rows):
         ((part, a),) = terms
-        share = 0.9 if a == pytest.approx(start.amounts, abs=1e-9) else -1.0
+        share = 0.9 if a == pytest.approx(start.theta, abs=1e-9) else -1.0
         found = problem.base.copy()
-        found[context.observations.read] += share * part.columns @ start.amounts
+        found[context.observations.read] += share * part.columns @ start.theta
         return found
 
     fit = refitted(replace(problem, forces_with=odd), start, np.ones(len(problem.labels), bool))
-    assert fit.amounts[0] == pytest.approx(start.amounts, abs=1e-9)
+    assert fit.theta[0] == pytest.approx(start.theta, abs=1e-9)
 
 
 def test_evidence_is_averaged_over_errors_of_form():
@@ -231,17 +229,17 @@ def test_evidence_is_averaged_over_errors_of_form():
     (alone,) = screened(
         problem.residual, problem.covariance, [c for c in problem.candidates if c.name == "gel_stiffness"]
     )
-    each = []
+    factors = []
     for error in FORM_ERRORS:
         part = replace(alone.parts[0], form_error=error)
-        wider = problem.with_model_error([(part, alone.amounts)]).covariance
+        wider = problem.with_model_error([(part, alone.theta)]).covariance
         more = log_evidence(wider, problem.residual, [part])
         more -= log_evidence(problem.covariance, problem.residual, [part])
-        each.append(alone.log_bayes_factor + more)
-    assert each[2] > each[0] + 1.0
+        factors.append(alone.log_bayes_factor + more)
+    assert factors[2] > factors[0] + 1.0
     found = with_form_errors(problem, alone)
-    assert found.parts[0].form_error == FORM_ERRORS[int(np.argmax(each))]
-    assert found.log_bayes_factor == pytest.approx(np.logaddexp.reduce(each) - np.log(3))
+    assert found.parts[0].form_error == FORM_ERRORS[int(np.argmax(factors))]
+    assert found.log_bayes_factor == pytest.approx(np.logaddexp.reduce(factors) - np.log(3))
     fit = refitted(problem, found, every)
     assert fit.parts[0].form_error == found.parts[0].form_error
     # the fit pays for the choice among the errors, as the set does
@@ -249,7 +247,3 @@ def test_evidence_is_averaged_over_errors_of_form():
     assert fit.log_bayes_factor - best.log_bayes_factor == pytest.approx(
         found.log_bayes_factor - found.best_log_bayes_factor
     )
-
-
-
-

@@ -6,7 +6,7 @@ import artificial
 import numpy as np
 import pytest
 from artificial_problem import SETTINGS
-from test_places_between import away, beside_the_middle, bubble, solvable
+from test_places_between import away, bubble, off_the_middle, solvable
 
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.inference.fits import placed
@@ -25,7 +25,7 @@ def quiet_base():
 @pytest.fixture(scope="module")
 def hidden():
     base = quiet_base()
-    there, spacing = beside_the_middle(0.45, 0.4)
+    there, spacing = off_the_middle(0.45, 0.4)
     read = artificial.read(base, base.force + bubble(base, there), np.random.default_rng(63))
     return solvable(read), there, spacing
 
@@ -39,7 +39,7 @@ def test_a_strong_defect_is_put_where_it_is_if_it_can_be_solved(hidden):
     problem, there, spacing = hidden
     relinearised, failure = placed(problem, problem)
     found = the_void(relinearised)
-    assert not failure and away(found.shape, there) < 0.1 * spacing < away(found.tried, there)
+    assert not failure and away(found.hyperparameters, there) < 0.1 * spacing < away(found.tried, there)
     assert (
         relinearised.error_of(found) in FORM_ERRORS
         and PLACE_ERROR not in FORM_ERRORS
@@ -70,7 +70,7 @@ def test_it_alone_is_identified(hidden):
     found = judge(problem, SETTINGS, seed=1)
     assert found.state == "identified" and [group.members[0] for group in found.answer.sure] == ["void"]
     (part,) = found.answer.fit.parts
-    assert away(part.shape, there) < 0.1 * spacing
+    assert away(part.hyperparameters, there) < 0.1 * spacing
 
 
 @pytest.mark.thorough
@@ -78,7 +78,7 @@ def test_what_is_no_strong_defect_leaves_the_problem_as_it_is(hidden):
     base = artificial.context(62)
     tilted = solvable(artificial.with_effect(base, "tilt", [3.0, -2.0], np.random.default_rng(5)))
     assert placed(tilted, tilted) == (tilted, "")
-    there, _ = beside_the_middle(0.45, 0.4)
+    there, _ = off_the_middle(0.45, 0.4)
     faint = artificial.read(base, base.force + bubble(base, there, 0.02), np.random.default_rng(63))
     faint = solvable(faint)
     assert placed(faint, faint) == (faint, "")

@@ -9,19 +9,19 @@ from gelforge.config.basis.variants import merged
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.identifiability import next_experiment
 from gelforge.mismatch.pipeline.experiments import planned_observations, survivor, weights
-from gelforge.mismatch.result.verdict import Amount, NamedEffect
+from gelforge.mismatch.result.verdict import NamedEffect, ParameterEstimate
 
 STUDY = specimens.study()
 
 
 def effect(name, *values):
-    amounts = [
-        Amount(name=p.name, unit=p.unit, value=v, interval_90=(v - 0.02, v + 0.02))
+    theta = [
+        ParameterEstimate(name=p.name, unit=p.unit, value=v, interval_90=(v - 0.02, v + 0.02))
         for p, v in zip(CATALOGUE[name].parameters, values)
     ]
     family = CATALOGUE[name].family
     return NamedEffect(
-        name=name, family=family, probability=0.4, log_bayes_factor=9.0, amounts=amounts, in_range=True
+        name=name, family=family, probability=0.4, log_bayes_factor=9.0, parameters=theta, in_range=True
     )
 
 
@@ -43,15 +43,13 @@ def test_dead_weights_tell_a_gain_and_the_spread_of_a_cut_range_is_read_from_the
 
     def spread(value, low, high):
         void = effect("void", value)
-        cut = void.amounts[0].model_copy(update={"interval_90": (low, high)})
-        return float(np.sqrt(survivor(void.model_copy(update={"amounts": [cut]})).covariance[0, 0]))
+        cut = void.parameters[0].model_copy(update={"interval_90": (low, high)})
+        return float(np.sqrt(survivor(void.model_copy(update={"parameters": [cut]})).covariance[0, 0]))
 
     top, width = CATALOGUE["void"].parameters[0].bounds[1], CATALOGUE["void"].parameters[0].width
     assert spread(0.9, 0.9 - 0.1645, top) == pytest.approx(0.1, rel=1e-3)
     assert spread(0.1, 0.0, 0.1 + 0.329) == pytest.approx(0.2, rel=1e-3)
     assert spread(0.5, 0.0, top) == spread(1.6, top, top) == width
-
-
 
 
 def test_planned_readings_are_those_that_would_be_judged():

@@ -98,8 +98,6 @@ def test_every_reading_has_its_place_and_presses_alike_in_time_are_solved_once()
             assert np.abs(np.diff([0.0, *path.depths_mm])).max() <= 0.25 + 1e-9
 
 
-
-
 def test_what_has_a_place_is_solved_only_where_it_is_felt():
     found = observations()
     site = found.table["site"].to_numpy()
@@ -128,7 +126,7 @@ def test_what_has_a_place_is_solved_only_where_it_is_felt():
 
 # ---------------------------------------------------------------------------------------- what is set aside was pressed
 @pytest.mark.parametrize(
-    ("name", "shape", "amounts"),
+    ("name", "hyperparameters", "theta"),
     [
         ("viscoelastic", {"part": "gel", "time_s": 1.0}, [0.5]),
         ("force_hysteresis", {"loop": "lens"}, [0.1, 0.1, 0.1]),
@@ -136,13 +134,13 @@ def test_what_has_a_place_is_solved_only_where_it_is_felt():
         ("clock_offset", {"stamp": "late"}, [0.05]),
     ],
 )
-def test_presses_are_followed_as_a_whole_whatever_was_chosen_of_them(name, shape, amounts, kept):
+def test_presses_are_followed_as_a_whole_whatever_was_chosen_of_them(name, hyperparameters, theta, kept):
     """Without its deepest readings a way up comes from the same peak, and a reading has the same way before it."""
     solver, found = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept), observations()
     table = found.table.assign(x_mm=8.0, y_mm=8.0)
     found = replace(found, table=table, sites=np.array([[8.0, 8.0], [5.0, 8.0]]))
     base = base_of(solver, found, [])
-    chosen = [(CATALOGUE[name], shape, amounts)]
+    chosen = [(CATALOGUE[name], hyperparameters, theta)]
     whole = forces_with(solver, base, chosen)
     shallow = (table["depth_mm"] < 2.0).to_numpy()
     cut = forces_with(solver, base, chosen, shallow)
@@ -246,7 +244,7 @@ def test_where_nodes_cannot_come_along_moves_of_the_grid_are_differences_across_
             "misregistration": np.eye(2)[one.which],
             "yaw": np.deg2rad(1.0) * np.array([-from_middle[1], from_middle[0]]),
             "grid_scale": from_middle,
-        }[name]  # d place / d amount
+        }[name]  # d place / d theta
         shift = np.subtract(*places)
         # a turn's chord is shorter than its arc by a 24th of the angle's square, 7e-4 here
         np.testing.assert_allclose(shift, variation.amount * along, rtol=1e-3)

@@ -1,4 +1,4 @@
-"""Evidence of a refit where an amount's sign holds it at none: of a linear problem it is the screen's, which is exact."""
+"""Evidence of a refit where a value's sign holds it at none: of a linear problem it is the screen's, which is exact."""
 
 from dataclasses import replace
 
@@ -14,18 +14,18 @@ from gelforge.mismatch.summary.findings import interval
 
 
 @pytest.mark.thorough(but_first=2)
-@pytest.mark.parametrize("amount", [0.1, 0.0, -0.02, -0.1])
-def test_the_evidence_of_one_sign_is_exact(amount):
+@pytest.mark.parametrize("value", [0.1, 0.0, -0.02, -0.1])
+def test_the_evidence_of_one_sign_is_exact(value):
     """Negative ones, too, which readings may ask for and which are held at none."""
     base = artificial.context(51, per_side=3)
-    context = artificial.with_effect(base, "frame_compliance", [amount], np.random.default_rng(52))
+    context = artificial.with_effect(base, "frame_compliance", [value], np.random.default_rng(52))
     problem = replace(problem_of(context), change_error=0.0)
     (own,) = (c for c in problem.candidates if c.name == "frame_compliance")
     every = np.ones(len(problem.labels), bool)
     (start,) = screened(problem.residual, problem.covariance, [own])
     fit = refitted(problem, start, every)
     assert fit.log_bayes_factor == pytest.approx(start.log_bayes_factor, abs=1e-6)
-    assert fit.amounts[0][0] >= 0 and (amount >= 0 or fit.amounts[0][0] < 1e-3)
+    assert fit.theta[0][0] >= 0 and (value >= 0 or fit.theta[0][0] < 1e-3)
 
 
 def test_what_a_bound_holds_back_is_reached_within_the_physical_range():
@@ -40,11 +40,11 @@ def test_what_a_bound_holds_back_is_reached_within_the_physical_range():
     every = np.ones(len(problem.labels), bool)
     start = judged_under(problem.covariance, problem.residual, parts)
     fit = refitted(problem, start, every)
-    a = dict(zip([part.name for part in fit.parts], np.concatenate(fit.amounts)))
+    a = dict(zip([part.name for part in fit.parts], np.concatenate(fit.theta)))
     assert a["frame_compliance"] == 0.0
-    left = problem.covariance.whiten(problem.residual - fit.columns @ np.concatenate(fit.amounts))
+    left = problem.covariance.whiten(problem.residual - fit.columns @ np.concatenate(fit.theta))
     J, prior_sd = problem.covariance.whiten(fit.columns), np.concatenate([p.prior_sd for p in fit.parts])
-    slope = J.T @ left - np.concatenate(fit.amounts) / prior_sd**2
+    slope = J.T @ left - np.concatenate(fit.theta) / prior_sd**2
     held = [part.name == "frame_compliance" for part in fit.parts]
     sd = np.sqrt(np.diag(fit.spread))
     assert slope[held] < 0 and np.abs(slope * sd)[np.logical_not(held)] < 0.05
@@ -56,8 +56,8 @@ def test_what_a_bound_holds_back_is_reached_within_the_physical_range():
     (own,) = (c for c in problem.candidates if c.name == "wall_gap")
     (start,) = screened(problem.residual, problem.covariance, [own])
     fit = refitted(problem, start, every)
-    assert fit.amounts[0] == [1.0] and fit.converged
-    assert CATALOGUE["wall_gap"].in_range(fit.amounts[0])
+    assert fit.theta[0] == [1.0] and fit.converged
+    assert CATALOGUE["wall_gap"].in_range(fit.theta[0])
 
     # Intervals stay in the physical range
     compliance, turn = CATALOGUE["frame_compliance"].parameters[0], CATALOGUE["yaw"].parameters[0]
@@ -65,7 +65,3 @@ def test_what_a_bound_holds_back_is_reached_within_the_physical_range():
     assert interval(compliance, 0.3, 0.1)[0] == pytest.approx(0.3 - 0.1645, abs=1e-4)
     assert interval(compliance, compliance.bounds[1], 0.1)[1] == compliance.bounds[1]
     assert interval(turn, 0.0, 1.0)[0] == pytest.approx(-1.645, abs=1e-3)
-
-
-
-

@@ -18,11 +18,11 @@ from gelforge.mismatch.evidence.screen import (
 from gelforge.mismatch.thresholds import SCALES
 
 RNG = np.random.default_rng
-AS_STATED = (1.0,)  # scales of plausible amounts: drawn as the priors say
+AS_STATED = (1.0,)  # scales of plausible values: drawn as the priors say
 
 
 def by_grid(r, J, prior_sd, signs):
-    """Return log Bayes factor, mean and covariance by a sum over a grid of amounts around the mode, and half lines."""
+    """Return log Bayes factor, mean and covariance by a sum over a grid of values around the mode, and half lines."""
     p = J.shape[1]
     A = J.T @ J + np.diag(1 / prior_sd**2)
     mode, sd = np.linalg.solve(A, J.T @ r), np.sqrt(np.diag(np.linalg.inv(A)))
@@ -49,14 +49,14 @@ def by_grid(r, J, prior_sd, signs):
     return top + np.log(w.sum() * cell), mean, (a - mean).T * w @ (a - mean) / w.sum()
 
 
-# True amounts in widths; the last ones are far on the forbidden side, where only the tail is allowed.
+# True values in widths; the last ones are far on the forbidden side, where only the tail is allowed.
 ONE = [(0, 0.0), (0, 2.0), (1, 1.5), (1, 0.0), (1, -2.0), (-1, 1.0), (-1, -1.0)]
 
 
-@pytest.mark.parametrize(("sign", "amount"), ONE)
-def test_evidence_of_one_amount(sign, amount):
+@pytest.mark.parametrize(("sign", "value"), ONE)
+def test_evidence_of_one_parameter(sign, value):
     J = RNG(1).normal(0, 0.5, (40, 1))
-    r = J[:, 0] * amount * 0.7 + RNG(2).normal(size=40)
+    r = J[:, 0] * value * 0.7 + RNG(2).normal(size=40)
     args = r, J, np.array([0.7]), np.array([sign])
     found, wanted = evidence(*args), by_grid(*args)
     for a, b in zip(found, wanted):
@@ -68,11 +68,11 @@ TWO = [((0, 0), 1e-4), ((1, 0), 1e-4), ((0, -1), 1e-4), ((1, 1), 0.1), ((1, -1),
 
 
 @pytest.mark.parametrize(("signs", "tolerance"), TWO)
-@pytest.mark.parametrize("amounts", [(0.0, 0.0), (1.0, -1.0), (1.0, 0.3), (-0.7, 0.4)])
-def test_evidence_of_two_amounts(signs, tolerance, amounts):
+@pytest.mark.parametrize("theta", [(0.0, 0.0), (1.0, -1.0), (1.0, 0.3), (-0.7, 0.4)])
+def test_evidence_of_two_parameters(signs, tolerance, theta):
     J = RNG(3).normal(0, 0.5, (30, 2))
     J[:, 1] += 0.5 * J[:, 0]  # correlated
-    r = J @ amounts + RNG(4).normal(size=30)
+    r = J @ theta + RNG(4).normal(size=30)
     args = r, J, np.array([0.8, 1.2]), np.array(signs)
     (found, mean, cov), (wanted, mean_0, cov_0) = evidence(*args), by_grid(*args)
     assert abs(found - wanted) < tolerance
@@ -83,12 +83,12 @@ def test_evidence_of_two_amounts(signs, tolerance, amounts):
 
 def test_the_forbidden_side_far_out():
     """40 and 4000 standard deviations on the wrong side: next to nothing is left, and nothing overflows."""
-    for amount in (-4.0, -400.0):
+    for value in (-4.0, -400.0):
         J = np.full((100, 1), 1.0)
-        log_factor, mean, cov = evidence(amount * J[:, 0], J, np.array([1.0]), np.array([1]))
+        log_factor, mean, cov = evidence(value * J[:, 0], J, np.array([1.0]), np.array([1]))
         # The integral of exp(-100 |a| x) over the half line, twice the prior's density at 0.
-        assert_allclose(log_factor, np.log(2 / np.sqrt(2 * np.pi) / (100 * abs(amount))), atol=2e-3)
-        assert_allclose(mean[0], 1 / (100 * abs(amount)), rtol=2e-3)
+        assert_allclose(log_factor, np.log(2 / np.sqrt(2 * np.pi) / (100 * abs(value))), atol=2e-3)
+        assert_allclose(mean[0], 1 / (100 * abs(value)), rtol=2e-3)
         assert 0 < cov[0, 0] < 1.01 * mean[0] ** 2
 
 
@@ -99,10 +99,10 @@ def make(context, sign=0):
     slope = context.observations.flat(context.slope())
     time = (labels["time_s"] / labels["time_s"].max()).to_numpy()
 
-    def candidate(name, columns, prior_sd, signs=None, binary=False, shape=None):
+    def candidate(name, columns, prior_sd, signs=None, binary=False, hyperparameters=None):
         columns = np.column_stack(columns)
         signs = np.zeros(columns.shape[1], int) if signs is None else np.array(signs)
-        return Candidate(name, shape or {}, columns, np.array(prior_sd), signs, binary)
+        return Candidate(name, hyperparameters or {}, columns, np.array(prior_sd), signs, binary)
 
     bumps = [
         candidate(
@@ -110,7 +110,7 @@ def make(context, sign=0):
             [base * np.exp(-((labels["x_mm"] - x) ** 2 + (labels["y_mm"] - y) ** 2) / 30).to_numpy()],
             [0.5],
             [1],
-            shape={"x_mm": x, "y_mm": y},
+            hyperparameters={"x_mm": x, "y_mm": y},
         )
         for x, y in context.observations.sites
     ]
@@ -133,11 +133,11 @@ def world():
 
 
 def drawn(rng, covariance, candidate):
-    """Return a residual with amounts of the candidate from its prior, and the amounts."""
-    amounts = candidate.prior_sd * rng.normal(size=len(candidate.prior_sd))
-    amounts = np.where(candidate.signs != 0, candidate.signs * np.abs(amounts), amounts)
-    amounts = np.ones(1) if candidate.binary else amounts
-    return candidate.columns @ amounts + draws_of(covariance, rng, 1)[:, 0], amounts
+    """Return a residual with values of the candidate from its prior, and the values."""
+    theta = candidate.prior_sd * rng.normal(size=len(candidate.prior_sd))
+    theta = np.where(candidate.signs != 0, candidate.signs * np.abs(theta), theta)
+    theta = np.ones(1) if candidate.binary else theta
+    return candidate.columns @ theta + draws_of(covariance, rng, 1)[:, 0], theta
 
 
 def test_probabilities_are_calibrated(world):
@@ -151,8 +151,8 @@ def test_probabilities_are_calibrated(world):
         if truth == "null":
             r = draws_of(covariance, rng, 1)[:, 0]
         else:
-            shapes = [c for c in candidates if c.name == truth]
-            r = drawn(rng, covariance, shapes[rng.integers(len(shapes))])[0]
+            grid = [c for c in candidates if c.name == truth]
+            r = drawn(rng, covariance, grid[rng.integers(len(grid))])[0]
         single = screened(r, covariance, candidates, scales=AS_STATED)
         weights = {one.name: one.log_bayes_factor + log_prior(1, len(single)) for one in single}
         p = normalised({"null": log_prior(0, len(single))} | weights)
@@ -176,11 +176,11 @@ def test_intervals_cover(world):
     rng, inside, count = RNG(6), 0, 0
     for _ in range(60):
         for candidate in candidates[:6]:
-            r, amounts = drawn(rng, covariance, candidate)
+            r, theta = drawn(rng, covariance, candidate)
             judged = screened(r, covariance, [candidate], scales=AS_STATED)[0]
             sd = np.sqrt(np.diag(judged.covariance))
-            inside += np.sum(np.abs(judged.amounts - amounts) < 1.6449 * sd)
-            count += len(amounts)
+            inside += np.sum(np.abs(judged.theta - theta) < 1.6449 * sd)
+            count += len(theta)
     assert binom.ppf(0.001, count, 0.9) <= inside <= binom.ppf(0.999, count, 0.9)
 
 
@@ -192,7 +192,11 @@ def test_shapes_and_scales_are_averaged_and_the_best_is_kept(world):
     r = 0.6 * bumps[4].columns[:, 0] + draws_of(covariance, rng, 1)[:, 0]
     judged = screened(r, covariance, bumps, scales=AS_STATED)[0]
     single = [screened(r, covariance, [bump], scales=AS_STATED)[0].log_bayes_factor for bump in bumps]
-    assert judged.parts[0].shape == bumps[int(np.argmax(single))].shape == bumps[4].shape
+    assert (
+        judged.parts[0].hyperparameters
+        == bumps[int(np.argmax(single))].hyperparameters
+        == bumps[4].hyperparameters
+    )
     assert judged.log_bayes_factor == pytest.approx(np.log(np.mean(np.exp(np.array(single)))))
     assert judged.best_log_bayes_factor == pytest.approx(max(single))
 
@@ -206,10 +210,8 @@ def test_shapes_and_scales_are_averaged_and_the_best_is_kept(world):
     assert judged.log_bayes_factor == pytest.approx(
         np.log(np.mean(np.exp(factors - factors.max()))) + factors.max()
     )
-    assert_allclose(judged.amounts, alone[int(factors.argmax())].amounts)
+    assert_allclose(judged.theta, alone[int(factors.argmax())].theta)
     assert judged.plausible_snr == pytest.approx(alone[0].plausible_snr)
-
-
 
 
 def test_a_wrong_sign_names_nothing_and_no_change_neither_proves_nor_refutes(world):
@@ -220,8 +222,8 @@ def test_a_wrong_sign_names_nothing_and_no_change_neither_proves_nor_refutes(wor
     r = -0.3 * spring.columns[:, 0] + draws_of(covariance, RNG(11), 1)[:, 0]
     free = Candidate("free", {}, spring.columns, spring.prior_sd, np.zeros(1, int))
     found = {judged.name: judged for judged in screened(r, covariance, [spring, free])}
-    assert found["free"].log_bayes_factor > 5 and found["free"].amounts[0] < 0
-    assert found["frame_compliance"].log_bayes_factor < 0 and found["frame_compliance"].amounts[0] >= 0
+    assert found["free"].log_bayes_factor > 5 and found["free"].theta[0] < 0
+    assert found["frame_compliance"].log_bayes_factor < 0 and found["frame_compliance"].theta[0] >= 0
 
     # An effect that changes nothing is neither proved nor refuted
     covariance, _ = world
@@ -235,13 +237,13 @@ def test_a_wrong_sign_names_nothing_and_no_change_neither_proves_nor_refutes(wor
     r = d + draws_of(covariance, RNG(8), 1)[:, 0]
     judged = screened(r, covariance, [binary], scales=AS_STATED)[0]
     assert judged.log_bayes_factor == pytest.approx(covariance.log_density(r - d) - covariance.log_density(r))
-    assert judged.amounts == [1] and judged.covariance == [[0]]
+    assert judged.theta == [1] and judged.covariance == [[0]]
     assert judged.snr == judged.plausible_snr == pytest.approx(np.linalg.norm(covariance.whiten(d)))
 
     # Snr is that of the change
     r = drawn(RNG(9), covariance, candidates[4])[0]
     judged = screened(r, covariance, [candidates[4]], scales=AS_STATED)[0]
-    assert_allclose(judged.change, candidates[4].columns @ judged.amounts)
+    assert_allclose(judged.change, candidates[4].columns @ judged.theta)
     assert judged.snr == pytest.approx(np.linalg.norm(covariance.whiten(judged.change)))
     random = candidates[4].columns @ (0.03 * RNG(10).normal(size=(3, 4000)))
     # A root mean square over 4000 draws of the prior has an error of 1 %.
@@ -286,10 +288,6 @@ def test_two_effects_are_taken_for_two_and_one_for_one(world):
             assert pair.log_bayes_factor < single[0].log_bayes_factor + dearer
 
 
-
-
-
-
 def test_errors_of_a_change_and_switches_are_judged_together(world):
     """ln N(r; 0, C + E E' + J W^2 J')."""
     covariance, candidates = world
@@ -302,7 +300,7 @@ def test_errors_of_a_change_and_switches_are_judged_together(world):
     again = judged_under(wider, r, judged.parts)
     assert np.all(np.diag(again.covariance) >= np.diag(judged.covariance))
 
-    # The amount is fitted to what the switch leaves: ln N(r; d, C + J W^2 J') - ln N(r; 0, C).
+    # The value is fitted to what the switch leaves: ln N(r; d, C + J W^2 J') - ln N(r; 0, C).
     binary, drift = candidates[-1], candidates[4]
     d = binary.columns[:, 0]
     r = d + drift.columns @ [0.04, 0.0, -0.05] + draws_of(covariance, RNG(15), 1)[:, 0]
@@ -312,10 +310,10 @@ def test_errors_of_a_change_and_switches_are_judged_together(world):
     for first, second in ((binary, drift), (drift, binary)):
         judged = together(r, covariance, first, second)
         assert judged.log_bayes_factor == pytest.approx(wanted)
-        on = judged.amounts[0 if first is binary else 3]
+        on = judged.theta[0 if first is binary else 3]
         assert on == 1
         assert_allclose(judged.change, sum(p.columns @ a for p, a in zip(judged.parts, _split(judged))))
 
 
 def _split(judged):
-    return np.split(judged.amounts, np.cumsum([part.columns.shape[1] for part in judged.parts])[:-1])
+    return np.split(judged.theta, np.cumsum([part.columns.shape[1] for part in judged.parts])[:-1])

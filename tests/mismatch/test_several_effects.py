@@ -19,7 +19,7 @@ from gelforge.mismatch.inference.posterior import posterior_of
 def patterned(patterns, change, truth):
     """Return a problem of some named effects, each one pattern along K axes, and the names of what was solved.
 
-    Axes are orthonormal, in hundreds of standard deviations; change: amounts by name -> what they do along them (K,);
+    Axes are orthonormal, in hundreds of standard deviations; change: values by name -> what they do along them (K,);
     truth: the same of what is read.
     """
     problem = problem_of(artificial.context(25, per_side=3))
@@ -56,7 +56,7 @@ def patterned(patterns, change, truth):
 
 
 def linear(patterns):
-    return lambda amounts: sum(a * np.array(patterns[name]) for name, a in amounts.items())
+    return lambda theta: sum(a * np.array(patterns[name]) for name, a in theta.items())
 
 
 def test_one_effect_that_stands_for_a_pair_is_not_sure_and_a_curved_one_is_no_second():
@@ -82,16 +82,14 @@ def test_one_effect_that_stands_for_a_pair_is_not_sure_and_a_curved_one_is_no_se
     # the linear change alone would ask for that one too
     patterns = {"gel_stiffness": [1, 0, 0], "wall_stiffness": [0, 1, 0], "skin_stiffness": [0, 0, 1]}
 
-    def curved(amounts):
-        a = amounts.get("gel_stiffness", 0.0)
-        return linear(patterns)(amounts) + np.array([0.0, 10 / 3 * a**2, 0.0])
+    def curved(theta):
+        a = theta.get("gel_stiffness", 0.0)
+        return linear(patterns)(theta) + np.array([0.0, 10 / 3 * a**2, 0.0])
 
     problem, _ = patterned(patterns, curved, [0.2, 10 / 3 * 0.2**2, 0.0])
     found = judge(problem, SETTINGS, seed=1)
     assert found.state == "identified"
     assert [group.members for group in found.answer.sure] == [["gel_stiffness"]]
-
-
 
 
 def test_the_largest_effect_is_fitted_first_and_orders_are_solved_at_the_end():
@@ -102,16 +100,16 @@ def test_the_largest_effect_is_fitted_first_and_orders_are_solved_at_the_end():
     found = judge(problem, SETTINGS, seed=1).answer
     assert found.fit.effects == {"mullins", "wall_stiffness"}
     assert sum("mullins" in names and len(names) > 1 for names in solved) == 2
-    amounts = dict(zip((part.name for part in found.fit.parts), found.fit.amounts))
-    assert amounts["mullins"] == pytest.approx(0.2, abs=0.03)  # its noise is 0.01
+    theta = dict(zip((part.name for part in found.fit.parts), found.fit.theta))
+    assert theta["mullins"] == pytest.approx(0.2, abs=0.03)  # its noise is 0.01
 
     # The largest effect is fitted alone first. Its curvature looks like a second effect to the linear pass, which
     # has it next to 60 standard deviations of change
     patterns = {"gel_stiffness": (1, 0, 0), "friction": (0, 0.5, 0.5), "skin_stiffness": (0, 0, 1)}
 
-    def curved(amounts):
-        along = linear(patterns)(amounts)
-        return along + np.array([0, 0.5, 0.5]) * amounts.get("gel_stiffness", 0.0) ** 2
+    def curved(theta):
+        along = linear(patterns)(theta)
+        return along + np.array([0, 0.5, 0.5]) * theta.get("gel_stiffness", 0.0) ** 2
 
     problem, solved = patterned(patterns, curved, curved({"gel_stiffness": 0.6}))
     kernels = kernels_of(problem)
@@ -121,5 +119,3 @@ def test_the_largest_effect_is_fitted_first_and_orders_are_solved_at_the_end():
     found = fitted(problem, posterior, lambda again: posterior_of(again, kernels))
     assert set(solved[0]) == {"gel_stiffness"}
     assert found.mode == {"gel_stiffness"}
-
-

@@ -27,10 +27,10 @@ def calmed(context):
 
 
 def strong(name):
-    """Return a context that hides four plausible amounts of an effect."""
+    """Return a context that hides four plausible values of an effect."""
     base, effect = artificial.context(11, per_side=3), CATALOGUE[name]
-    amounts = [4 * p.width * (p.sign or 1) for p in effect.parameters]
-    return artificial.with_effect(base, name, amounts, np.random.default_rng(12))
+    theta = [4 * p.width * (p.sign or 1) for p in effect.parameters]
+    return artificial.with_effect(base, name, theta, np.random.default_rng(12))
 
 
 def test_how_far_is_what_others_say_and_a_struck_reading_is_found_beside_an_effect():
@@ -61,8 +61,6 @@ def test_a_struck_reading_is_set_aside_and_told(reading, axis):
     assert f"{told.session}/{told.press}" == row["press"] and told.time_s == row["time_s"]
     assert told.axis == "xyz"[axis] and told.depth_mm == row["depth_mm"] and 8 < told.size < 20
     assert np.array_equal(calm.force[calm.read], context.observations.force[calm.read])
-
-
 
 
 @pytest.mark.thorough(but_first=2)

@@ -66,13 +66,13 @@ def test_a_recording_of_the_base_itself_is_consistent(kept, tmp_path):
 
 
 @pytest.mark.thorough
-def test_a_stiffer_gel_is_in_the_answer_with_its_amount(stiffer):
+def test_a_stiffer_gel_is_in_the_answer_with_its_value(stiffer):
     verdict, _ = stiffer
     # Four that scale the forces share it with something unknown that grows with depth.
     assert verdict.state in ("identified", "ambiguous") and verdict.answer[0].probability > 0.8
     assert "gel_stiffness" in verdict.answer[0].names
     effect = next(e for e in verdict.effects if e.name == "gel_stiffness")
-    low, high = effect.amounts[0].interval_90
+    low, high = effect.parameters[0].interval_90
     assert (
         low - 0.03 < 0.3 < high + 0.03
     )  # 0.03: a tenth, what Gauss and Newton may leave of a refit that is not the winner's
@@ -143,7 +143,7 @@ def test_a_force_gain_is_found_and_goes_to_the_patch_as_known(kept, tmp_path):
     (known,) = patch["mismatch"]["known"]
     assert known["effect"] == "force_gain"
     # Less than the 0.25 that is there: the prior's width is 0.05, and this coarse mesh's error takes part of it
-    assert known["amounts"]["y"] > 2 * max(abs(known["amounts"]["x"]), abs(known["amounts"]["z"]))
+    assert known["parameters"]["y"] > 2 * max(abs(known["parameters"]["x"]), abs(known["parameters"]["z"]))
     patched = study_from(merged(small().model_dump(mode="json"), patch))
     again = judge_recording(solver(kept, patched), [session], tmp_path / "again", "gain")
     assert again.mismatch.chi2 < 0.6 * verdict.mismatch.chi2
@@ -224,10 +224,6 @@ def test_the_stage_s_moves_and_its_raster_order_are_told(tmp_path, session):
     assert set(np.unique(signs)) == {-1.0, 0.0, 1.0}
 
 
-
-
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -241,8 +237,6 @@ def test_the_stage_s_moves_and_its_raster_order_are_told(tmp_path, session):
 def test_recordings_that_cannot_be_judged_are_refused_with_a_remedy(session, tmp_path, change, words):
     with pytest.raises(ValueError, match=words):
         observed(changed(session, tmp_path, change))
-
-
 
 
 def test_sessions_in_a_folder_are_found_and_another_indenter_is_refused(session, tmp_path):
@@ -310,8 +304,6 @@ def test_an_effect_left_out_that_there_is_not_is_refused():
     ):
         effects_of_forces(small(mismatch={"leave_out": ["gel_stifness", "yaw"]}))
     assert "yaw" not in effects_of_forces(small(mismatch={"leave_out": ["yaw"]}))
-
-
 
 
 def test_a_recording_is_read_once(session, kept, tmp_path, monkeypatch):

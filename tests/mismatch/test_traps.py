@@ -57,10 +57,12 @@ def base(tmp_path_factory):
 
 
 def cosines_of(base, *effects, context=None):
-    """Return the cosines (k, k) of whitened changes by effects: names, or names with shapes; the last amount (y or z)."""
+    """Return the cosines (k, k) of whitened changes by effects: names, or names with shapes; the last value (y or z)."""
     context = base.context if context is None else context
     named = [(one, {}) if isinstance(one, str) else one for one in effects]
-    changes = [columns_of(context, CATALOGUE[name], shape)[:, -1] for name, shape in named]
+    changes = [
+        columns_of(context, CATALOGUE[name], hyperparameters)[:, -1] for name, hyperparameters in named
+    ]
     covariance = readings_covariance(context, base.law, base.floor, base.solution)
     white = covariance.whiten(np.column_stack(changes))
     white = white / np.linalg.norm(white, axis=0)
@@ -70,7 +72,9 @@ def cosines_of(base, *effects, context=None):
 @pytest.mark.thorough
 def test_what_scales_all_forces_is_alike(base):
     """Modulus, gain, and relaxation of any time where presses are read at one dwell; the ball's radius nearly."""
-    relaxing = [("viscoelastic", shape) for shape in CATALOGUE["viscoelastic"].shapes(base.context)]
+    relaxing = [
+        ("viscoelastic", hyperparameters) for hyperparameters in CATALOGUE["viscoelastic"].grid(base.context)
+    ]
     cosines = cosines_of(base, "gel_stiffness", "force_gain", *relaxing)[0]
     assert len(cosines) > 10 and cosines.min() > INDISTINGUISHABLE
     # 0.94 on a mesh of 0.7 mm, above 0.95 by the design: a ball's radius has ripples where nodes are 1 mm apart
@@ -128,7 +132,3 @@ def orders(base, draws=20):
     cuts = range(8, len(raster), 8)
     watched = [np.concatenate([np.r_[away.argmin(), part] for part in np.split(own, cuts)]) for own in mixed]
     return raster, mixed, watched
-
-
-
-

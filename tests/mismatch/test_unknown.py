@@ -15,10 +15,10 @@ from gelforge.mismatch.summary.words import sentence_of
 from gelforge.mismatch.thresholds import PLAUSIBLE
 
 
-def problem_with(name, amounts, seed=7, **keys):
+def problem_with(name, theta, seed=7, **keys):
     base = artificial.context(seed, per_side=3)
     rng = np.random.default_rng(seed + 1)
-    return problem_of(artificial.with_effect(base, name, np.array(amounts, dtype=float), rng), **keys)
+    return problem_of(artificial.with_effect(base, name, np.array(theta, dtype=float), rng), **keys)
 
 
 def displaced(seed=7, size_mm=0.8):
@@ -45,7 +45,7 @@ def test_cosines_are_smooth_and_each_manner_is_as_large_as_is_plausible():
     rows = np.random.default_rng(1).permutation(len(problem.labels))[:150]
     mask = np.isin(np.arange(len(problem.labels)), rows)
     for kernel in kernels_of(problem):
-        wider = kernel.beside(problem.covariance, 0.3).restricted(mask)
+        wider = kernel.added_to(problem.covariance, 0.3).restricted(mask)
         plain, U = problem.covariance.restricted(mask), 0.3 * kernel.directions[mask]
         eye = np.eye(mask.sum())
         added = U @ U.T
@@ -72,10 +72,6 @@ def test_cosines_are_smooth_and_each_manner_is_as_large_as_is_plausible():
     assert all(0.5 * PLAUSIBLE < size < 1.5 * PLAUSIBLE for size in sizes.values()), sizes
 
 
-
-
-
-
 @pytest.mark.thorough
 def test_of_nulls_nothing_unknown_is_likely():
     """Evidence against the true model exceeds e^3 in at most e^-3 of recordings, whatever the other (Markov): 1.5 of 30."""
@@ -87,7 +83,7 @@ def test_of_nulls_nothing_unknown_is_likely():
 
 @pytest.mark.thorough(but_first=2)
 @pytest.mark.parametrize(
-    ("name", "amounts"),
+    ("name", "theta"),
     [
         ("misregistration", [0.8, 0.3]),
         ("contact_zero", [0.08]),
@@ -95,8 +91,8 @@ def test_of_nulls_nothing_unknown_is_likely():
         ("tilt", [1.0, 0.5]),
     ],
 )
-def test_an_effect_that_is_right_is_likelier_than_something_unknown_and_leaves_it_nothing(name, amounts):
-    problem = problem_with(name, amounts)
+def test_an_effect_that_is_right_is_likelier_than_something_unknown_and_leaves_it_nothing(name, theta):
+    problem = problem_with(name, theta)
     kernels = kernels_of(problem)
     right = next(one for one in weighed(problem) if one.name == name)
     assert weighed_unknown(problem, kernels).log_bayes_factor < right.log_bayes_factor - 2

@@ -37,7 +37,7 @@ def effect(name: str, probability: float, **keys) -> dict:
         "family": "material",
         "probability": probability,
         "log_bayes_factor": 12.0,
-        "amounts": [{"name": "scale", "unit": "-", "value": 0.05, "interval_90": [0.04, 0.06]}],
+        "parameters": [{"name": "scale", "unit": "-", "value": 0.05, "interval_90": [0.04, 0.06]}],
         "in_range": True,
     } | keys
 
@@ -157,15 +157,13 @@ def test_a_verdict_cannot_say_more_than_its_numbers(keys, words):
     assert words in f"{where} {refused.value}"
 
 
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         (None, "no such file"),
         ("{", "holds no checksum"),
         (content(state="sure"), "state: Input should be"),
-        (content(format="gelforge-verdict-3"), "format: Input should be 'gelforge-verdict-4'"),
+        (content(format="gelforge-verdict-4"), "format: Input should be 'gelforge-verdict-5'"),
     ],
 )
 def test_a_file_that_is_no_verdict_is_refused_with_its_remedy(tmp_path, text, words):
@@ -243,10 +241,10 @@ def test_tables_come_back_with_their_columns(tmp_path):
 
     # A detection limit that nothing reaches is an empty cell
     limit = {"effect": "refraction", "parameter": "index", "unit": "-", "plausible": 0.05}
-    limits = [DetectionLimit(**limit, amount=None), DetectionLimit(**limit, amount=0.0312)]
+    limits = [DetectionLimit(**limit, value=None), DetectionLimit(**limit, value=0.0312)]
     written(tmp_path, {LIMITS: limits_table(limits)})
     assert (tmp_path / LIMITS).read_text().splitlines()[1] == "refraction,index,-,,0.05"
-    assert read_table(tmp_path, LIMITS)["amount"].isna().tolist() == [True, False]
+    assert read_table(tmp_path, LIMITS)["value"].isna().tolist() == [True, False]
 
     # A table has the columns that are documented and no other
     write_tables(tmp_path, {READINGS: readings().assign(own=1)})

@@ -86,8 +86,8 @@ def block(table: pd.DataFrame, name: str, chosen: pd.Series) -> dict:
     return {"block": name, "before": before, "after": after, "gain": gain, "standard_error": 0.11 * abs(gain)}
 
 
-def effect(name: str, family: str, probability: float, log: float, amount=None, **keys) -> dict:
-    """Return an effect that was tried; amount: name, unit, value, interval's half width."""
+def effect(name: str, family: str, probability: float, log: float, value=None, **keys) -> dict:
+    """Return an effect that was tried; value: name, unit, value, interval's half width."""
     content = {
         "name": name,
         "family": family,
@@ -95,9 +95,9 @@ def effect(name: str, family: str, probability: float, log: float, amount=None, 
         "log_bayes_factor": log,
         "in_range": True,
     }
-    if amount:
-        label, unit, value, half = amount
-        content["amounts"] = [
+    if value:
+        label, unit, value, half = value
+        content["parameters"] = [
             {"name": label, "unit": unit, "value": value, "interval_90": [value - half, value + half]}
         ]
     return content | keys
@@ -124,8 +124,8 @@ def fake_content() -> dict:
     """Return the content of an `identified` verdict, three effects being alike, about fake_readings()."""
     table = fake_readings()
     aside = table["held_out"] != "no"
-    amount = ("scale", "-", -0.09, 0.012)
-    gel = effect("gel_stiffness", "material", 0.62, 66.1, amount, snr=11.8, refitted=True)
+    value = ("scale", "-", -0.09, 0.012)
+    gel = effect("gel_stiffness", "material", 0.62, 66.1, value, snr=11.8, refitted=True)
     gain = effect(
         "force_gain",
         "force sensor",
@@ -185,10 +185,10 @@ def fake_content() -> dict:
         },
         "adequacy": {"p": 0.41, "scan_p": 0.22, "remains": "a wave along x"},
         "detection_limits": [
-            {"effect": "gel_stiffness", "parameter": "scale", "unit": "-", "amount": 0.03, "plausible": 0.1},
-            {"effect": "tilt", "parameter": "about_x", "unit": "deg", "amount": 0.31, "plausible": 0.5},
-            {"effect": "adhesion", "parameter": "energy", "unit": "mJ/m2", "amount": 90.0, "plausible": 30.0},
-            {"effect": "refraction", "parameter": "index", "unit": "-", "amount": None, "plausible": 0.05},
+            {"effect": "gel_stiffness", "parameter": "scale", "unit": "-", "value": 0.03, "plausible": 0.1},
+            {"effect": "tilt", "parameter": "about_x", "unit": "deg", "value": 0.31, "plausible": 0.5},
+            {"effect": "adhesion", "parameter": "energy", "unit": "mJ/m2", "value": 90.0, "plausible": 30.0},
+            {"effect": "refraction", "parameter": "index", "unit": "-", "value": None, "plausible": 0.05},
         ],
         "noise": {
             "stated_N": [0.008, 0.008, 0.02],

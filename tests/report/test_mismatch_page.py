@@ -24,9 +24,9 @@ from gelforge.report.verdict.mismatch_chapters import CHAPTERS, answer, limits, 
 from gelforge.report.verdict.mismatch_reader import MismatchResults
 from gelforge.report.verdict.mismatch_words import (
     chance_text,
+    hyperparameters_text,
     in_unit,
     p_text,
-    shape_text,
     unbroken,
     values_text,
 )
@@ -277,7 +277,7 @@ def test_what_is_modelled_without_a_cause_is_said_with_its_range(tmp_path):
     held = content["fit"]["held_out"] | {"gain": 12.0, "standard_error": 3.0}
     content["model"] = {
         "words": "a change of the pressing force with depth",
-        "beside": ["gel_stiffness"],
+        "with_effects": ["gel_stiffness"],
         "largest_N": [None, 0.001, 0.05],
         "depth_mm": [0.25, 2.0],
         "sites": 25,
@@ -364,18 +364,21 @@ def test_a_chance_is_never_a_bare_zero_or_one(chance, text):
     assert chance_text(chance) == text
 
 
-def test_words_for_amounts_p_and_shapes():
+def test_words_for_values_p_and_hyperparameters():
     verdict = Verdict.model_validate(fake_verdict.fake_content())
     assert values_text(verdict.effects[1]) == "z -9 % (-10 to -7.7)"
     assert p_text(3e-9) == "p < 0.0001" and p_text(0.0411) == "p = 0.041"
 
-    # Amounts stand on lines of their own and break before a bracket only
+    # Values stand on lines of their own and break before a bracket only
     assert unbroken("x +0.1 mm (-1 to 2); y 2") == "x\u00a0+0.1\u00a0mm (-1\u00a0to\u00a02)\ny\u00a02"
 
     # Shapes are told with their units behind
-    assert shape_text({"x_mm": 9.0662, "y_mm": 13.0, "radius_mm": 1.8}) == "x 9.07 mm, y 13 mm; radius 1.8 mm"
-    assert shape_text({"part": "gel", "time_s": 69.0}) == "part gel, time 69 s"
-    assert shape_text({}) == ""
+    assert (
+        hyperparameters_text({"x_mm": 9.0662, "y_mm": 13.0, "radius_mm": 1.8})
+        == "x 9.07 mm, y 13 mm; radius 1.8 mm"
+    )
+    assert hyperparameters_text({"part": "gel", "time_s": 69.0}) == "part gel, time 69 s"
+    assert hyperparameters_text({}) == ""
 
 
 @pytest.mark.parametrize(

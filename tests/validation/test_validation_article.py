@@ -135,8 +135,8 @@ def test_the_hyperelastic_curve_lacks_nothing_and_no_negative_compliance_is_chos
     spring = next(c for c in problem.candidates if c.name == "frame_compliance")
     free = Candidate("free", {}, spring.columns, np.array([0.5]), np.zeros(1, int))
     found = {one.name: one for one in screened(problem.residual, problem.covariance, [spring, free])}
-    assert -0.4 < found["free"].amounts[0] < -0.1 and found["free"].log_bayes_factor > 10
-    assert found["frame_compliance"].amounts[0] >= 0 and found["frame_compliance"].log_bayes_factor < 0
+    assert -0.4 < found["free"].theta[0] < -0.1 and found["free"].log_bayes_factor > 10
+    assert found["frame_compliance"].theta[0] >= 0 and found["frame_compliance"].log_bayes_factor < 0
     for verdict in paper.verdicts.values():
         assert all("frame_compliance" not in group.members for group in verdict.answer)
 

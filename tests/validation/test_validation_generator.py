@@ -152,7 +152,7 @@ def test_an_effect_vanishes_with_its_amount_and_is_felt_at_a_plausible_one(libra
         world = World(library)
         kind.put(world, size, drawn)
         change[size] = recording.change_of(base, world, rows, bool(kind.tared))
-    # a thousandth of the amount gives at most some ten thousandths of the change's force, and none gives none
+    # a thousandth of the value gives at most some ten thousandths of the change's force, and none gives none
     assert np.abs(change[0.0]).max() < 1e-9
     assert np.abs(change[1e-3]).max() < 0.05 * np.abs(change[1.0]).max()
     assert np.isfinite(change[1.0]).all() and np.abs(change[1.0]).max() > 2e-4
@@ -260,9 +260,9 @@ def test_baselines_can_put_every_kind(form, library):
     """Along each of its shapes, with the constants that they assume: a new kind needs its line there."""
     kind, rows = kinds.KINDS[form], presses.timeline(np.random.default_rng(0), PLAN, sessions=2)
     rows = recording.with_circumstances(rows, recording.drawn_instrument(np.random.default_rng(0), 2))
-    for shape in baselines.SHAPES[baselines.SHAPE_OF.get(form, "sign")]:
+    for hyperparameters in baselines.SHAPES[baselines.SHAPE_OF.get(form, "sign")]:
         world = World(library)
-        kind.put(world, 0.2, baselines.CONSTANTS | shape)
+        kind.put(world, 0.2, baselines.CONSTANTS | hyperparameters)
         assert np.isfinite(world.forces(rows)).all()
 
 

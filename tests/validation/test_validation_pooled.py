@@ -27,7 +27,7 @@ SAID = {  # state, groups; what is hidden
 
 
 def truth_of(case: str, hidden: str | None) -> dict:
-    effects = [{"name": hidden, "form": "turned body", "snr": 10.0, "amounts": {}}] if hidden else []
+    effects = [{"name": hidden, "form": "turned body", "snr": 10.0, "parameters": {}}] if hidden else []
     content, snr = ("single", 10.0) if hidden else ("null", 0.0)
     return {"case": case, "sealed": f"seal of {case}", "content": content, "snr": snr, "effects": effects}
 

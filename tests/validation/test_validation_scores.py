@@ -114,7 +114,7 @@ def test_scores_of_a_hand_made_set(name, k, n):
 
 def truth_of(forces):
     readings = {"session": [0, 0], "press": ["p0", "p0"], "phase": ["load", "load"], "time_s": [1.0, 2.0]}
-    effect = {"name": "tilt", "snr": 10.0, "amounts": {"about_x": 0.5}}
+    effect = {"name": "tilt", "snr": 10.0, "parameters": {"about_x": 0.5}}
     return {
         "case": "c1",
         "content": "single",
@@ -148,12 +148,12 @@ def test_gains_distances_and_intervals_are_measured_against_the_truth():
     # A claimed defect is as far as it lies from the true one
     truth = truth_of([[0, 0, 0]] * 2)
     truth["effects"] = [
-        {"name": "void", "snr": 10.0, "amounts": {}, "where": {"x_mm": 8.0, "y_mm": 9.0, "radius_mm": 1.0}}
+        {"name": "void", "snr": 10.0, "parameters": {}, "where": {"x_mm": 8.0, "y_mm": 9.0, "radius_mm": 1.0}}
     ]
     place = {"x_mm": 5.0, "y_mm": 13.0, "z_mm": -3.0, "radius_mm": 1.2}
     verdict = {
         "state": "identified", "answer": [{"members": ["inclusion", "void"], "probability": 0.99}],
-        "effects": [{"name": "void", "shape": place}, {"name": "yaw", "shape": {}}],
+        "effects": [{"name": "void", "hyperparameters": place}, {"name": "yaw", "hyperparameters": {}}],
     }  # fmt: skip
     assert judged_from(truth, verdict, None).distance_mm == pytest.approx(5.0)
     assert np.isnan(judged_from(truth, verdict | {"state": "ambiguous"}, None).distance_mm)

@@ -32,7 +32,7 @@ def judged(judged_once, tmp_path):
 
 
 def test_a_sealed_truth_comes_back_and_its_salt_hides_it(tmp_path):
-    truth = {"case": "c1", "effects": [{"name": "tilt", "amounts": {"about_x": 0.1}}]}
+    truth = {"case": "c1", "effects": [{"name": "tilt", "parameters": {"about_x": 0.1}}]}
     published = sealing.seal(tmp_path / "c1.json", truth, sealing.salt_of(1, "c1"))
     assert sealing.opened(tmp_path / "c1.json", published) == truth
 

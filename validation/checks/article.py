@@ -127,7 +127,7 @@ def problem_of_case(
     candidates = candidates_of(base.context, effects, failed)
 
     def forces(terms, rows):
-        chosen = [(effects[part.name], part.shape, a) for part, a in terms]
+        chosen = [(effects[part.name], part.hyperparameters, a) for part, a in terms]
         found = forces_with(solver, own, chosen, rows)
         replaced = any(effect.binary and np.any(a) for effect, _, a in chosen)
         return found if replaced else found + base.context.force - own.context.force
@@ -206,8 +206,8 @@ def in_words(problem: Problem, judgement: Judgement) -> tuple[str, str, float | 
     groups = group_entries(judgement)
     sure = [group for group in groups if group.probability >= SURE] or groups
     answer = "; ".join(" or ".join(group.names) for group in sure)
-    beside = [group.members[0] for group in groups if group not in sure]
-    answer += f"; and perhaps {' and '.join(beside)}" if beside else ""
+    unsure = [group.members[0] for group in groups if group not in sure]
+    answer += f"; and perhaps {' and '.join(unsure)}" if unsure else ""
     chance = min(group.probability for group in sure) if sure else None
     return judgement.state, answer, chance, judgement.mismatch.p
 

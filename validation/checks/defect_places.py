@@ -42,10 +42,13 @@ def row(known: Known) -> dict:
         "before": _left(problem, None),
     }
     for words, fit in (("tried", fixed), ("fitted", free)):
-        place = fit.parts[0].shape
+        place = fit.parts[0].hyperparameters
         away = np.hypot(place["x_mm"] - hidden["where"]["x_mm"], place["y_mm"] - hidden["where"]["y_mm"])
         told |= {f"{words}: away [mm]": away, f"{words}: left": _left(problem, fit)}
-    sizes = {"hidden radius [mm]": hidden["where"]["radius_mm"], "fitted": free.parts[0].shape["radius_mm"]}
+    sizes = {
+        "hidden radius [mm]": hidden["where"]["radius_mm"],
+        "fitted": free.parts[0].hyperparameters["radius_mm"],
+    }
     return told | sizes | {"at rest": free.converged}
 
 

@@ -28,7 +28,7 @@ class Known:
     """A single effect that is hidden in a recording, and the recording next to its base."""
 
     name: str
-    hidden: dict  # name, form, amounts, snr; where, if it has a place
+    hidden: dict  # name, form, values, snr; where, if it has a place
     change: np.ndarray  # (n,) [N] that it makes to the entries, no noise or contact-point error in either
     problem: Problem
     seed: int

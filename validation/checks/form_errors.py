@@ -3,9 +3,9 @@
 usage: python -m validation.checks.form_errors SET [--weakest 8] [--kept results/concealed/sets/kept] [--only c004 ...]
 
 Of a development set (`python -m validation generate SET --seed 7`), as its truths are read: its single effects on
-the plain base. The effect is given; its amounts are fitted in the tool's own solver to its base and the hidden change,
+the plain base. The effect is given; its values are fitted in the tool's own solver to its base and the hidden change,
 without noise: what is left is form and mesh alone. Prints the signal-to-noise of the change and of what is left of it, the
-share that this is of it, and hidden and fitted amounts.
+share that this is of it, and hidden and fitted values.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ def row(known: Known) -> dict:
         left = _snr(problem, known.change - ours)
     except NotConverged as failure:
         return told | {"fitted": str(failure)[:60]}
-    amounts = [
+    theta = [
         f"{p.name} {a:.3g} +- {s:.2g}"
         for p, a, s in zip(
-            problem.effects[hidden["name"]].parameters, fit.amounts[0], np.sqrt(np.diag(fit.covariance))
+            problem.effects[hidden["name"]].parameters, fit.theta[0], np.sqrt(np.diag(fit.covariance))
         )
     ]
     return told | {
         "left": left,
         "share": left / told["SNR"],
-        "hidden": ", ".join(f"{name} {value:.3g}" for name, value in hidden["amounts"].items()),
-        "fitted": ", ".join(amounts) + ("" if fit.converged else " (not at rest)"),
+        "hidden": ", ".join(f"{name} {value:.3g}" for name, value in hidden["parameters"].items()),
+        "fitted": ", ".join(theta) + ("" if fit.converged else " (not at rest)"),
         "s": time.perf_counter() - began,
     }
 

@@ -4,9 +4,9 @@ from gelforge.mismatch.model.effect import Effect, Parameter
 from gelforge.mismatch.model.solver_effects import per_depth
 
 
-def to_forces(context, shape, force, amounts):
+def to_forces(context, hyperparameters, force, theta):
     """Return the forces (R, 3) [N] at the depths that were really reached, to first order."""
-    (growth,) = amounts
+    (growth,) = theta
     depth = context.observations.table["depth_mm"].to_numpy(float)
     return force + growth * depth[:, None] * per_depth(context)
 

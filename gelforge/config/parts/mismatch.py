@@ -13,8 +13,8 @@ class Known(Section):
     """An effect of force sensor, clock, camera or single indentations that is taken as known, in the nominal model."""
 
     effect: Name = Field(description="name in the catalogue")
-    amounts: dict[str, float] = Field(description="value by parameter, in the parameter's unit")
-    shape: dict[str, float | str] = Field(
+    parameters: dict[str, float] = Field(description="value by parameter, in the parameter's unit")
+    hyperparameters: dict[str, float | str] = Field(
         {}, description="hyperparameters of the effect: scanned, not fitted"
     )
 

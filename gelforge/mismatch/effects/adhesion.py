@@ -4,20 +4,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.effect import Context, Shape
+from gelforge.mismatch.model.effect import Context, Hyperparameters
 from gelforge.mismatch.model.solver_effects import has, pressed_by_balls, solved
 
 LAWS = ("constant", "JKR")
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(
+    context: Context, hyperparameters: Hyperparameters, force: np.ndarray, theta: Sequence[float]
+) -> np.ndarray:
     """Return the forces with adhesion: during unloading, while there is contact, the sensor is pulled up (R, 3) [N]."""
-    (w,) = amounts
+    (w,) = theta
     table = context.observations.table
     up = ((table["phase"] == "unload") & (table["depth_mm"] > 0)).to_numpy()
     if not w or not up.any():
         return force
-    pulls = {"constant": constant_pull, "JKR": jkr_pull}[str(shape.get("law", "constant"))]
+    pulls = {"constant": constant_pull, "JKR": jkr_pull}[str(hyperparameters.get("law", "constant"))]
     return force + np.outer(up * pulls(context, float(w)), [0.0, 0.0, 1.0])
 
 
@@ -113,7 +115,7 @@ EFFECT = solved(
     " the indenter lets go; loading clean within millinewtons",
     separated_by="slow unloading with readings up to where the indenter lets go; a dusted surface",
     applies=pressed_by_balls,
-    shapes=lambda context: [{"law": law} for law in LAWS],
+    grid=lambda context: [{"law": law} for law in LAWS],
     to_forces=to_forces,
     by_formula=True,
 )

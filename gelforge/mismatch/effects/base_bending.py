@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.effect import Context, Shape
+from gelforge.mismatch.model.effect import Context, Hyperparameters
 from gelforge.mismatch.model.solver_effects import has, per_depth, solved
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(context: Context, _: Hyperparameters, force: np.ndarray, theta: Sequence[float]) -> np.ndarray:
     """Return the forces to first order: less deep by the plate's sag: its first mode, driven and read at the indentation."""
-    (c,) = amounts
+    (c,) = theta
     sensor = context.study.sensor
     xy = context.observations.table[["x_mm", "y_mm"]].to_numpy(float)
     mode = np.sin(np.pi * xy / [sensor.width_x_mm, sensor.width_y_mm]).prod(axis=1)

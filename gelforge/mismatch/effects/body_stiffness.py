@@ -11,22 +11,22 @@ import numpy as np
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import CATALOGUE
 from gelforge.mismatch.effects import gel_stiffness
-from gelforge.mismatch.model.effect import Context, Effect, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters
 
 PARTS = ("gel_stiffness", "skin_stiffness")
 
 
-def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+def to_study(study: Study, _: Hyperparameters, theta: Sequence[float]) -> Study:
     """Return the study with all moduli grown by the same share."""
-    (a,) = amounts
+    (a,) = theta
     for part in PARTS if a else ():
         study = CATALOGUE[part](study, float(a))
     return study
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(context: Context, _: Hyperparameters, force: np.ndarray, theta: Sequence[float]) -> np.ndarray:
     """Return the forces with all layers grown, to first order."""
-    (a,) = amounts
+    (a,) = theta
     return force + a * sum(context.derivative(part) for part in PARTS)
 
 

@@ -9,10 +9,10 @@ AXES = ("x", "y", "z")
 SOURCE = "width: a camera mounted by hand (judgement); bounds: seen by eye"
 
 
-def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
+def to_camera(study: Study, camera: Camera, theta: Sequence[float]) -> Camera:
     """Return the camera shifted (3) and turned (3) in the sensor's frame."""
-    position = [p + a for p, a in zip(camera.position_mm, amounts[:3], strict=True)]
-    rotation = [r + a for r, a in zip(camera.rotation_deg, amounts[3:], strict=True)]
+    position = [p + a for p, a in zip(camera.position_mm, theta[:3], strict=True)]
+    rotation = [r + a for r, a in zip(camera.rotation_deg, theta[3:], strict=True)]
     return Camera(**(camera.model_dump() | {"position_mm": position, "rotation_deg": rotation}))
 
 

@@ -6,9 +6,9 @@ from gelforge.config import Camera, Study, given
 from gelforge.mismatch.model.effect import Effect, Parameter
 
 
-def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
+def to_camera(study: Study, camera: Camera, theta: Sequence[float]) -> Camera:
     """Return the camera with everything seen larger."""
-    (a,) = amounts
+    (a,) = theta
     if camera.focal_px is not None:
         grown = {"focal_px": camera.focal_px * (1 + a)}
         if camera.focal_y_px is not None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters, Parameter
 from gelforge.mismatch.model.solver_effects import per_depth
 
 STAMPS = ("late", "early")  # forces belong to the way before a reading, or to that after it
@@ -31,18 +31,20 @@ def speed(context: Context, stamp: str) -> np.ndarray:
     return after.where(following.notna() | (table["phase"] != "unload"), speeds).to_numpy()
 
 
-def shapes(context: Context) -> list[Shape]:
+def grid(context: Context) -> list[Hyperparameters]:
     """Return a force read late and one read early: at the end of a way they are no mirror images."""
     return [{"stamp": stamp} for stamp in STAMPS]
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(
+    context: Context, hyperparameters: Hyperparameters, force: np.ndarray, theta: Sequence[float]
+) -> np.ndarray:
     """Return the forces of `lag` seconds before at moving readings: by `per_depth` and speed.
 
-    Without a shape the lag's sign says which way it is.
+    Without hyperparameters the lag's sign says which way it is.
     """
-    (lag,) = amounts
-    stamp = str(shape.get("stamp", "late" if lag >= 0 else "early"))
+    (lag,) = theta
+    stamp = str(hyperparameters.get("stamp", "late" if lag >= 0 else "early"))
     return force - lag * speed(context, stamp)[:, None] * per_depth(context)
 
 
@@ -58,5 +60,5 @@ EFFECT = Effect(
     separated_by="the same indentation at two speeds, with a wait at the end; one trigger line for all recorders",
     depends_on=("contact_zero",),
     to_forces=to_forces,
-    shapes=shapes,
+    grid=grid,
 )

@@ -4,17 +4,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters, Parameter
 
 SOURCE = "width: cross-talk of 1 to 2 % of full scale in common data sheets, or a turn of 1 deg (0.017); bounds: 11 deg"
 AXES = "xyz"
 PAIRS = [(i, j) for i in range(3) for j in range(3) if i != j]
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(context: Context, _: Hyperparameters, force: np.ndarray, theta: Sequence[float]) -> np.ndarray:
     """Return the forces (R, 3) with shares of the other axes; opposite numbers of a pair are a small turn."""
     C = np.zeros((3, 3))
-    for (i, j), share in zip(PAIRS, amounts, strict=True):
+    for (i, j), share in zip(PAIRS, theta, strict=True):
         C[i, j] = share
     return force + force @ C.T
 

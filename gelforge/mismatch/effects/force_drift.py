@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.effect import Context, Effect, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters
 from gelforge.mismatch.model.solver_effects import on_each_axis
 
 SOURCE = (
@@ -20,20 +20,22 @@ def hours(context: Context) -> np.ndarray:
     return np.where(context.observations.tared, of_session, table["press_time_s"]) / 3600.0
 
 
-def shapes(context: Context) -> list[Shape]:
+def grid(context: Context) -> list[Hyperparameters]:
     """Return a drift that goes on evenly, and of a tared session one that settles, as what warms up does."""
     # electronics settle in minutes, a machine in the better part of an hour (judgement)
-    settling: list[Shape] = [{"settles_s": 120.0}, {"settles_s": 600.0}]
+    settling: list[Hyperparameters] = [{"settles_s": 120.0}, {"settles_s": 600.0}]
     return [{}, *settling] if context.observations.tared.any() else [{}]
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(
+    context: Context, hyperparameters: Hyperparameters, force: np.ndarray, theta: Sequence[float]
+) -> np.ndarray:
     """Return the forces with a zero that grows in time, evenly or exponentially to rest, by the values in an hour."""
     t = hours(context)
-    if "settles_s" in shape:
-        tau = float(shape["settles_s"]) / 3600.0
+    if "settles_s" in hyperparameters:
+        tau = float(hyperparameters["settles_s"]) / 3600.0
         t = np.expm1(-t / tau) / np.expm1(-1.0 / tau)
-    return force + np.outer(t, amounts)
+    return force + np.outer(t, theta)
 
 
 EFFECT = Effect(
@@ -45,5 +47,5 @@ EFFECT = Effect(
     " a slope over the sensor",
     separated_by="random order, zero readings before and after every indentation",
     to_forces=to_forces,
-    shapes=shapes,
+    grid=grid,
 )

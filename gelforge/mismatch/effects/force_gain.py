@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.effect import Context, Effect, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters
 from gelforge.mismatch.model.solver_effects import on_each_axis
 
 SOURCE = (
@@ -13,9 +13,9 @@ SOURCE = (
 )
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(context: Context, _: Hyperparameters, force: np.ndarray, theta: Sequence[float]) -> np.ndarray:
     """Return the forces with each axis by its own gain."""
-    return force + force * np.asarray(amounts)
+    return force + force * np.asarray(theta)
 
 
 EFFECT = Effect(

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.effect import Context, Effect, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters
 from gelforge.mismatch.model.solver_effects import on_each_axis
 
 
-def shapes(context: Context) -> list[Shape]:
+def grid(context: Context) -> list[Hyperparameters]:
     """Return both loops; none without readings during unloading, where they have nothing that is theirs alone."""
     up = (context.observations.table["phase"] == "unload").any()
     return [{"loop": loop} for loop in LOOPS] if up else []
@@ -57,9 +57,11 @@ def play(context: Context, force: np.ndarray, share: np.ndarray) -> np.ndarray:
 LOOPS = {"lens": lens, "play": play}
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(
+    context: Context, hyperparameters: Hyperparameters, force: np.ndarray, theta: Sequence[float]
+) -> np.ndarray:
     """Return the forces as a sensor with hysteresis reads them; the lens is calibrated during loading."""
-    return force + LOOPS[str(shape.get("loop", "lens"))](context, force, np.asarray(amounts))
+    return force + LOOPS[str(hyperparameters.get("loop", "lens"))](context, force, np.asarray(theta))
 
 
 SOURCE = (
@@ -75,5 +77,5 @@ EFFECT = Effect(
     " as much at any",
     separated_by="dead weights put on and taken off; unloading at two speeds (hysteresis does not know time)",
     to_forces=to_forces,
-    shapes=shapes,
+    grid=grid,
 )

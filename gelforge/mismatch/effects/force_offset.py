@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.effect import Context, Effect, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters
 from gelforge.mismatch.model.solver_effects import on_each_axis
 
 SOURCE = (
@@ -13,19 +13,25 @@ SOURCE = (
 )
 
 
-def shapes(context: Context) -> list[Shape]:
+def grid(context: Context) -> list[Hyperparameters]:
     """Return the sessions that were tared, one by one, and all at once: a zero that nobody took is the same in each."""
     observations = context.observations
     tared = observations.table["session"][observations.tared].unique()
-    each: list[Shape] = [{"session": name} for name in tared]
-    return each if len(each) == 1 else [{}, *each]
+    sessions: list[Hyperparameters] = [{"session": name} for name in tared]
+    return sessions if len(sessions) == 1 else [{}, *sessions]
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(
+    context: Context, hyperparameters: Hyperparameters, force: np.ndarray, theta: Sequence[float]
+) -> np.ndarray:
     """Return the forces with a constant at every reading of a tared session, or of all of them."""
     session = context.observations.table["session"]
-    own = (session == shape["session"]).to_numpy() if "session" in shape else np.ones(len(session), bool)
-    return force + np.outer(own & context.observations.tared, np.asarray(amounts))
+    chosen = (
+        (session == hyperparameters["session"]).to_numpy()
+        if "session" in hyperparameters
+        else np.ones(len(session), bool)
+    )
+    return force + np.outer(chosen & context.observations.tared, np.asarray(theta))
 
 
 EFFECT = Effect(
@@ -36,5 +42,5 @@ EFFECT = Effect(
     signature="the same force at every place and depth, without any at the contact point in the simulation",
     separated_by="readings before contact in every indentation, which a tared session may still have",
     to_forces=to_forces,
-    shapes=shapes,
+    grid=grid,
 )

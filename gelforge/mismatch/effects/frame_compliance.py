@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.effect import Context, Shape
+from gelforge.mismatch.model.effect import Context, Hyperparameters
 from gelforge.mismatch.model.solver_effects import has, per_depth, solved
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(context: Context, _: Hyperparameters, force: np.ndarray, theta: Sequence[float]) -> np.ndarray:
     """Return the forces to first order: less deep by compliance x pressing force; no solution is needed."""
-    (c,) = amounts
+    (c,) = theta
     return force + c * context.force[:, 2:] * per_depth(context)  # Fz is negative where the indenter presses
 
 

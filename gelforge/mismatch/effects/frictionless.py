@@ -4,7 +4,7 @@ A base with friction loses it; one without gets a coefficient, of which a few ar
 """
 
 from gelforge.config import Mechanics, Study
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Hyperparameters
 from gelforge.mismatch.model.places import FirstOrder
 from gelforge.mismatch.model.solver_effects import simplification
 
@@ -12,19 +12,19 @@ from gelforge.mismatch.model.solver_effects import simplification
 COEFFICIENTS = (0.2, Mechanics.model_fields["friction"].default, 1.0)
 
 
-def coefficients(study: Study) -> list[Shape]:
+def coefficients(study: Study) -> list[Hyperparameters]:
     """Return what friction is turned into: none, or one of a few coefficients where the study has none."""
     return [{"coefficient": c} for c in ((0.0,) if study.mechanics.friction else COEFFICIENTS)]
 
 
 EFFECT = simplification(
     "frictionless",
-    lambda mechanics, shape: {
-        "friction": float(shape.get("coefficient", 0.0 if mechanics.friction else COEFFICIENTS[1]))
+    lambda mechanics, hyperparameters: {
+        "friction": float(hyperparameters.get("coefficient", 0.0 if mechanics.friction else COEFFICIENTS[1]))
     },
     means=("friction is there or absent, unlike in the simulation",),
     signature="lateral force off the middle changes most; force a little at depth",
     separated_by="an indentation that shears the surface once it touches, or a lubricated ball",
-    shapes=lambda context: coefficients(context.study),
+    grid=lambda context: coefficients(context.study),
     to_forces=FirstOrder("frictionless", scanned=coefficients),
 )

@@ -4,18 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters, Parameter
 
 AXES = ("x", "y")
 SOURCE = "width: a belt or a worn screw (judgement; a preloaded one has 1e-3 mm); bounds: seen by eye"
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(context: Context, _: Hyperparameters, force: np.ndarray, theta: Sequence[float]) -> np.ndarray:
     """Return the forces with each indentation shifted by half of the play towards where the stage came from.
 
     By the derivatives along misregistration.
     """
-    shifts = -0.5 * context.observations.came_along @ np.asarray(amounts, dtype=float)  # (R, 2) [mm]
+    shifts = -0.5 * context.observations.came_along @ np.asarray(theta, dtype=float)  # (R, 2) [mm]
     for shift, axis in zip(shifts.T, AXES):
         force = force + shift[:, None] * context.derivative(f"misregistration.{axis}")
     return force

@@ -17,7 +17,7 @@ def changes(mechanics: Mechanics, linear_law: bool = False) -> dict:
 
 EFFECT = simplification(
     "linear_elasticity",
-    lambda mechanics, shape: changes(mechanics),
+    lambda mechanics, hyperparameters: changes(mechanics),
     means=("the gel is not linear elastic as simulated",),
     signature="nothing at small depth, growing with depth, most at the deepest indentations and near the wall",
     separated_by="a material test to the stretches under the ball; the nominal model solved with both constitutive models",

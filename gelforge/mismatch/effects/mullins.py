@@ -11,7 +11,7 @@ from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mechanics.laws import softening
-from gelforge.mismatch.model.effect import Context, Shape
+from gelforge.mismatch.model.effect import Context, Hyperparameters
 from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
 BETA = 0.1  # of the peak, added to m: how early a return loses stress (judgement)
@@ -19,7 +19,7 @@ LARGEST = 0.95  # share of the stress
 WIDER = 0.1  # of the height: how far the energy reaches beyond the contact (validation/checks/softening_formula.py)
 
 
-def shapes(context: Context) -> list[Shape]:
+def grid(context: Context) -> list[Hyperparameters]:
     """Return the energy densities [kPa] that may scale the softening: shares of the largest one of these indentations."""
     deepest = context.observations.table.groupby("site")["deepest_mm"].max()
     energies = Energies(context)
@@ -28,19 +28,21 @@ def shapes(context: Context) -> list[Shape]:
     return [{"m_kPa": float(f"{scale * largest:.2g}")} for scale in (0.1, 1.0)]
 
 
-def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+def to_study(study: Study, hyperparameters: Hyperparameters, theta: Sequence[float]) -> Study:
     """Return the study with soft layers that soften."""
-    (a,) = amounts
+    (a,) = theta
     if a == 0:
         return study
-    softening = {"amount": float(np.clip(a, 0.0, LARGEST)), "m_kPa": shape["m_kPa"], "beta": BETA}
+    softening = {"amount": float(np.clip(a, 0.0, LARGEST)), "m_kPa": hyperparameters["m_kPa"], "beta": BETA}
     return with_keys(unmirrored(study), history={"mullins": {name: softening for name in gel_layers(study)}})
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-    """Return the forces of softened layers to first order: the gel's stiffness times 1 - amount x `lost_share`."""
-    (a,) = amounts
-    return force - a * lost_share(context, float(shape["m_kPa"]))[:, None] * context.derivative(
+def to_forces(
+    context: Context, hyperparameters: Hyperparameters, force: np.ndarray, theta: Sequence[float]
+) -> np.ndarray:
+    """Return the forces of softened layers to first order: the gel's stiffness times 1 - theta x `lost_share`."""
+    (a,) = theta
+    return force - a * lost_share(context, float(hyperparameters["m_kPa"]))[:, None] * context.derivative(
         "gel_stiffness"
     )
 
@@ -130,6 +132,6 @@ EFFECT = solved(
     applies=lambda study: has_none_of("history.mullins")(study) and study.mechanics.strain == "finite",
     to_study=to_study,
     to_forces=to_forces,
-    shapes=shapes,
+    grid=grid,
     path_dependent=True,
 )

@@ -6,13 +6,13 @@ from gelforge.config import Camera, Study
 from gelforge.mismatch.model.effect import Effect, Parameter
 
 
-def to_camera(study: Study, camera: Camera, amounts: Sequence[float]) -> Camera:
-    """Return the camera in air that sees what this one sees through the base's lower face, index n = 1 + amount above it.
+def to_camera(study: Study, camera: Camera, theta: Sequence[float]) -> Camera:
+    """Return the camera in air that sees what this one sees through the base's lower face, index n = 1 + theta above it.
 
     A point at height h over the face, Z below it the pinhole: u = f X / (Z + h / n) = (n f) X / (n Z + h), near the axis.
     Parallel rays, as of a flat scale, are not bent; a camera whose port is described has the bending in it already.
     """
-    (a,) = amounts
+    (a,) = theta
     if camera.focal_px is None or camera.port is not None:
         return camera
     x, y, z = camera.position_mm

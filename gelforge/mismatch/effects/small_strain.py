@@ -9,7 +9,7 @@ from gelforge.mismatch.model.solver_effects import simplification
 
 EFFECT = simplification(
     "small_strain",
-    lambda mechanics, shape: changes(mechanics, linear_law=True),
+    lambda mechanics, hyperparameters: changes(mechanics, linear_law=True),
     means=("strains are large and simulated as small",),
     signature="nothing at small depth, growing with depth, most at the deepest indentations and near the wall",
     separated_by="the nominal model solved with and without finite strain; a ball of another radius at the same"

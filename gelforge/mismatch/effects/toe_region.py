@@ -4,22 +4,22 @@ from collections.abc import Sequence
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import with_keys
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Hyperparameters
 from gelforge.mismatch.model.solver_effects import solved
 
 
-def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-    """Return the study with a thicker film, that of the shape's pressure."""
-    (a,) = amounts
+def to_study(study: Study, hyperparameters: Hyperparameters, theta: Sequence[float]) -> Study:
+    """Return the study with a thicker film, that of the pressure."""
+    (a,) = theta
     if a == 0:
         return study
     present = study.mechanics.effects.contact.film
-    pressure = shape.get("pressure_MPa", present.pressure_MPa)
+    pressure = hyperparameters.get("pressure_MPa", present.pressure_MPa)
     film = {"thickness_mm": present.thickness_mm + float(a), "pressure_MPa": pressure}
     return with_keys(study, contact={"film": film})
 
 
-def films(study: Study) -> list[Shape]:
+def films(study: Study) -> list[Hyperparameters]:
     """Return films half of which is used up soon and late; of a base that has one, that one."""
     film = study.mechanics.effects.contact.film
     # an indentation of a soft gel has 5 to 50 kPa

@@ -6,13 +6,13 @@ import numpy as np
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
-from gelforge.mismatch.model.effect import Context, Shape
+from gelforge.mismatch.model.effect import Context, Hyperparameters
 from gelforge.mismatch.model.solver_effects import has_none_of, solved
 
 STIFFNESS = {"gel": "gel_stiffness", "skin": "skin_stiffness"}
 
 
-def shapes(context: Context) -> list[Shape]:
+def grid(context: Context) -> list[Hyperparameters]:
     """Return relaxation times on a log grid, of the layers under the skin and of the skin.
 
     What relaxes within 0.1 s has done so when an indentation arrives (judgement); ten times the longest one acts as a
@@ -25,20 +25,24 @@ def shapes(context: Context) -> list[Shape]:
     return [{"part": part, "time_s": float(f"{t:.3g}")} for part in parts for t in times]
 
 
-def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+def to_study(study: Study, hyperparameters: Hyperparameters, theta: Sequence[float]) -> Study:
     """Return the study with overstresses of one branch."""
-    (a,) = amounts
+    (a,) = theta
     if a == 0:
         return study
-    names = gel_layers(study) if shape["part"] == "gel" else [skin_layer(study)]
-    branch = {"relative_moduli": [float(a)], "times_s": [shape["time_s"]]}
+    names = gel_layers(study) if hyperparameters["part"] == "gel" else [skin_layer(study)]
+    branch = {"relative_moduli": [float(a)], "times_s": [hyperparameters["time_s"]]}
     return with_keys(study, history={"viscoelastic": {name: branch for name in names}})
 
 
-def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
+def to_forces(
+    context: Context, hyperparameters: Hyperparameters, force: np.ndarray, theta: Sequence[float]
+) -> np.ndarray:
     """Return the forces with overstresses to first order: the hereditary integral of what stiffness would add."""
-    (a,) = amounts
-    return force + a * overstress(context, STIFFNESS[str(shape["part"])], float(shape["time_s"]))
+    (a,) = theta
+    return force + a * overstress(
+        context, STIFFNESS[str(hyperparameters["part"])], float(hyperparameters["time_s"])
+    )
 
 
 def overstress(context: Context, stiffness: str, tau: float, steps: int = 6) -> np.ndarray:
@@ -78,6 +82,6 @@ EFFECT = solved(
     depends_on=("gel_stiffness", "skin_stiffness"),
     to_study=to_study,
     to_forces=to_forces,
-    shapes=shapes,
+    grid=grid,
     applies=lambda study: has_none_of("history.viscoelastic")(study) and study.mechanics.strain == "finite",
 )

@@ -9,20 +9,22 @@ from gelforge.config import Study
 from gelforge.config.parts.effects import Side
 from gelforge.indentation.effects.catalogue import with_wall_side
 from gelforge.indentation.solving.sensitivities import unmirrored
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Hyperparameters
 from gelforge.mismatch.model.solver_effects import has_wall, solved
 
-SHAPES: list[Shape] = [{"part": part, "side": side} for part in ("wall", "bond") for side in get_args(Side)]
+GRID: list[Hyperparameters] = [
+    {"part": part, "side": side} for part in ("wall", "bond") for side in get_args(Side)
+]
 
 
-def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
+def to_study(study: Study, hyperparameters: Hyperparameters, theta: Sequence[float]) -> Study:
     """Return the study with a lost share of the wall, or of the bond to it, along one side."""
-    (a,) = amounts
+    (a,) = theta
     if a == 0:
         return study
-    shape = shape or SHAPES[0]
-    lost = {f"{shape['part']}_loss": float(np.clip(a, 0.0, 1.0))}
-    return with_wall_side(unmirrored(study), str(shape["side"]), **lost)
+    hyperparameters = hyperparameters or GRID[0]
+    lost = {f"{hyperparameters['part']}_loss": float(np.clip(a, 0.0, 1.0))}
+    return with_wall_side(unmirrored(study), str(hyperparameters["side"]), **lost)
 
 
 EFFECT = solved(
@@ -31,7 +33,7 @@ EFFECT = solved(
     (0.0, 1.0),
     "width and bounds: none to all of the stiffness of the wall along a side, or of the bond to it",
     closed=True,
-    scanned=lambda study: SHAPES,
+    scanned=lambda study: GRID,
     means=("the wall is broken, or the gel has come off it, on one side",),
     signature="softer near one wall only, with a lateral force of its own; the other three sides clean",
     separated_by="indentations close to all four walls; a look from the side",

@@ -17,7 +17,7 @@ from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters, Parameter
 from gelforge.mismatch.model.places import SPACING, FirstOrder, lines
 
 UNIT = 1e-3  # of a width: a step at which every first-order change is a straight line
@@ -41,23 +41,25 @@ def effects_of_forces(study: Study) -> dict[str, Effect]:
 
 
 def candidates_of(context: Context, effects: Mapping[str, Effect], failed: dict[str, str]) -> list[Candidate]:
-    """Return every effect at every shape as a linear change of what was read; what is not known goes to failed."""
+    """Return every effect at every point of its grid as a linear change of what was read; failures go to failed."""
     candidates = []
     for name, effect in effects.items():
-        for shape in effect.shapes(context):
+        for hyperparameters in effect.grid(context):
             try:
-                columns = columns_of(context, effect, shape)
+                columns = columns_of(context, effect, hyperparameters)
             except KeyError as missing:  # its derivative could not be had
                 why = failed.setdefault(str(missing.args[0]), "no derivative of this sensor's nominal model")
                 failed.setdefault(name, why)
                 continue
             if not np.any(columns):
                 continue
-            candidates.append(Candidate(name, shape, columns, effect.prior_sd, effect.signs, effect.binary))
+            candidates.append(
+                Candidate(name, hyperparameters, columns, effect.prior_sd, effect.signs, effect.binary)
+            )
     return candidates
 
 
-def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
+def columns_of(context: Context, effect: Effect, hyperparameters: Mapping) -> np.ndarray:
     """Return the change of what was read per unit of each parameter of an effect.
 
     Parameters
@@ -66,7 +68,7 @@ def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
         Base forces at the readings.
     effect : Effect
         With P parameters.
-    shape : mapping
+    hyperparameters : mapping
         Hyperparameters by name.
 
     Returns
@@ -84,12 +86,12 @@ def columns_of(context: Context, effect: Effect, shape: Mapping) -> np.ndarray:
     columns = []
     for k in range(len(effect.parameters)):
         step = effect.unit_step(k, UNIT)
-        change = effect.to_forces(context, shape, context.force, step) - context.force
+        change = effect.to_forces(context, hyperparameters, context.force, step) - context.force
         columns.append(context.observations.flat(change) / step[k])
     return np.column_stack(columns)
 
 
-def boxes(study: Study) -> list[Shape]:
+def boxes(study: Study) -> list[Hyperparameters]:
     """Return the middles (x_mm, y_mm, z_mm) of the boxes."""
     x, y = lines(study)
     z = [(low + high) / 2 for low, high in pairwise(_faces(study))]
@@ -105,23 +107,23 @@ def _faces(study: Study) -> list[float]:
     return [float(z) for z in faces]
 
 
-def box_at(study: Study, shape: Shape) -> dict[str, list[float]]:
+def box_at(study: Study, hyperparameters: Hyperparameters) -> dict[str, list[float]]:
     """Return the lowest and highest point [mm] of the box with a middle; those at the rim reach beyond it."""
     low: list[float] = []
     high: list[float] = []
     for axis, middles in zip(("x_mm", "y_mm"), lines(study)):
         beyond = middles[-1] + SPACING + study.sensor.wall_mm
         between = [-SPACING, *((a + b) / 2 for a, b in pairwise(middles)), beyond]
-        k = middles.index(float(shape[axis]))
+        k = middles.index(float(hyperparameters[axis]))
         low, high = [*low, between[k]], [*high, between[k + 1]]
-    level = next((a, b) for a, b in pairwise(_faces(study)) if a < float(shape["z_mm"]) < b)
+    level = next((a, b) for a, b in pairwise(_faces(study)) if a < float(hyperparameters["z_mm"]) < b)
     return {"low_mm": [*low, level[0]], "high_mm": [*high, level[1]]}
 
 
-def _to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-    (a,) = amounts
+def _to_study(study: Study, hyperparameters: Hyperparameters, theta: Sequence[float]) -> Study:
+    (a,) = theta
     others = [patch.model_dump() for patch in study.mechanics.effects.geometry.patches]
-    here = box_at(study, shape) | {"factor": 1 + a}
+    here = box_at(study, hyperparameters) | {"factor": 1 + a}
     return with_keys(study, geometry={"patches": [*others, here]}) if a else study
 
 
@@ -131,7 +133,7 @@ BOX = Effect(
     parameters=(Parameter("growth", "1", WIDTH, (-1.0, np.inf), "width and bounds: judgement"),),
     to_study=_to_study,
     to_forces=FirstOrder("box_modulus", scanned=boxes),
-    shapes=lambda context: boxes(context.study),
+    grid=lambda context: boxes(context.study),
 )
 
 
@@ -146,4 +148,5 @@ def body_map(problem: Problem) -> pd.DataFrame | None:
     S = np.linalg.inv(np.eye(J.shape[1]) + J.T @ J)
     change = WIDTH * (S @ (J.T @ problem.covariance.whiten(problem.residual)))
     sigma = WIDTH * np.sqrt(np.diag(S))
-    return pd.DataFrame([dict(box.shape) for box in problem.boxes]).assign(change=change, sigma=sigma)
+    places = pd.DataFrame([dict(box.hyperparameters) for box in problem.boxes])
+    return places.assign(change=change, sigma=sigma)

@@ -50,18 +50,22 @@ def indistinguishable(covariance: Covariance, singles: Mapping[str, Screened]) -
         return {name: frozenset({name}) for name in names}
     columns = [one.parts[-1].columns for one in singles.values()]
     changes = [
-        one.change if own.shape[1] > 1 and np.any(one.change) else own.sum(axis=1)
-        for one, own in zip(singles.values(), columns)
+        one.change if sensitivity.shape[1] > 1 and np.any(one.change) else sensitivity.sum(axis=1)
+        for one, sensitivity in zip(singles.values(), columns)
     ]
     correlation = correlations(
-        covariance.whiten(np.column_stack(changes)), [covariance.whiten(own) for own in columns]
+        covariance.whiten(np.column_stack(changes)),
+        [covariance.whiten(sensitivity) for sensitivity in columns],
     )
     line = fcluster(
         linkage(squareform(1 - correlation, checks=False), "complete"),
         1 - INDISTINGUISHABLE,
         criterion="distance",
     )
-    return {name: frozenset(np.array(names)[line == own].tolist()) for name, own in zip(names, line)}
+    return {
+        name: frozenset(np.array(names)[line == sensitivity].tolist())
+        for name, sensitivity in zip(names, line)
+    }
 
 
 def correlations(changes: np.ndarray, sensitivities: Sequence[np.ndarray]) -> np.ndarray:
@@ -72,8 +76,8 @@ def correlations(changes: np.ndarray, sensitivities: Sequence[np.ndarray]) -> np
     """
     unit = changes / np.maximum(np.linalg.norm(changes, axis=0), np.finfo(float).tiny)
     followed = np.empty((len(sensitivities), len(sensitivities)))
-    for k, own in enumerate(sensitivities):
-        u, size, _ = np.linalg.svd(own, full_matrices=False)
+    for k, sensitivity in enumerate(sensitivities):
+        u, size, _ = np.linalg.svd(sensitivity, full_matrices=False)
         basis = u[:, size > 1e-9 * max(size.max(initial=0.0), np.finfo(float).tiny)]
         followed[:, k] = np.linalg.norm(basis.T @ unit, axis=0)
     return np.clip(np.minimum(followed, followed.T), 0.0, 1.0)
@@ -82,7 +86,7 @@ def correlations(changes: np.ndarray, sensitivities: Sequence[np.ndarray]) -> np
 def detection_limits(
     covariance: Covariance, candidates: Sequence[Candidate]
 ) -> list[tuple[Candidate, int, float]]:
-    """Return for each effect and value the shape that is seen best, the value's number, and its smallest value that is seen.
+    """Return for each effect and parameter the best candidate, the parameter's number, and its smallest value that is seen.
 
     That is the value whose change has an SNR of DETECTED_SNR; infinite where the readings do not change.
     """
@@ -90,11 +94,11 @@ def detection_limits(
     for candidate in candidates:
         norms = np.linalg.norm(covariance.whiten(candidate.columns), axis=0)
         for k, norm in enumerate(norms):
-            amount = float(DETECTED_SNR / norm) if norm > 0 else np.inf
-            share = amount / (1.0 if candidate.binary else float(candidate.prior_sd[k]))
+            value = float(DETECTED_SNR / norm) if norm > 0 else np.inf
+            share = value / (1.0 if candidate.binary else float(candidate.prior_sd[k]))
             if (key := (candidate.name, k)) not in limits or share < limits[key][0]:
-                limits[key] = share, candidate, k, amount
-    return [(candidate, k, amount) for _, candidate, k, amount in limits.values()]
+                limits[key] = share, candidate, k, value
+    return [(candidate, k, value) for _, candidate, k, value in limits.values()]
 
 
 def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
@@ -108,7 +112,7 @@ def expected_log_odds(plan: Plan, first: Screened, second: Screened) -> float:
     for judged in (first, second):
         J = plan.covariance.whiten(np.column_stack([plan.columns[part.name] for part in judged.parts]))
         l, E = np.linalg.eigh(judged.covariance)
-        means.append(J @ judged.amounts)
+        means.append(J @ judged.theta)
         errs = [plan.covariance.whiten(plan.errors[p.name]) for p in judged.parts if p.name in plan.errors]
         spreads.append(np.column_stack([J @ (E * np.sqrt(np.maximum(l, 0))), *errs]))
     Q = np.linalg.qr(np.column_stack([*means, *spreads]))[0]

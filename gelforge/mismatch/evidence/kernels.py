@@ -37,7 +37,7 @@ from gelforge.mismatch.thresholds import PLAUSIBLE, SCALES, TEMPERING
 
 AXES = "xyz"
 # Cosines along each coordinate; next to: over depth, with those of place, path or indentation
-MODES = {"depth": 6, "beside": 3, "place": 4, "time": 8, "path": 3}
+MODES = {"depth": 6, "depth_at_place": 3, "place": 4, "time": 8, "path": 3}
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Kernel:
         """Return whether it is physics that can be claimed, with a form of its own."""
         return False
 
-    def beside(self, covariance: Covariance, scale: float) -> Covariance:
+    def added_to(self, covariance: Covariance, scale: float) -> Covariance:
         """Return the covariance of n entries with this kernel at a scale of its plausible size."""
         if self.groups is None:
             return covariance.extended(scale * self.directions)
@@ -154,7 +154,7 @@ def weighed_unknown(problem: Problem, kernels: Sequence[Kernel], judged: Screene
             with_it = [judged_by(r, (*parts, one), [*white, directions]).log_bayes_factor for one in scaled]
             factors = [factor - alone for factor in with_it]
         else:
-            wider = [kernel.beside(covariance, scale) for scale in SCALES]
+            wider = [kernel.added_to(covariance, scale) for scale in SCALES]
             factors = [log_evidence(one, residual, parts) - without for one in wider]
         by_kernel[kernel.words] = float(logsumexp(factors) - np.log(len(factors)))
     return Weighed(kernels, by_kernel)
@@ -172,18 +172,18 @@ def kernels_of(problem: Problem) -> list[Kernel]:
     labels, of_force, kernels = problem.labels, problem.of_force, []
     axes_of = {"the pressing force": (2,), "the sideways forces": (0, 1), "all forces in proportion": None}
     axis, named = labels["axis"].to_numpy(), {module.replaces for module in problem.modules}
-    own = np.where(of_force, problem.observations.flat(problem.base), 0.0)
+    nominal = np.where(of_force, problem.observations.flat(problem.base), 0.0)
     pressing = np.where(of_force, np.abs(problem.base[labels["reading"], 2]), 0.0)
     press = np.where(of_force, np.unique(labels["press"], return_inverse=True)[1].ravel(), -1)
-    for over, profile, share, each in _profiles(labels):
+    for over, profile, share, by_press in _profiles(labels):
         size = pressing if share else np.full(len(labels), np.sqrt(np.mean(pressing[pressing > 0] ** 2)))
         for name, axes in axes_of.items():
             if axes is None:
-                directions = own[:, None] * profile
+                directions = nominal[:, None] * profile
             else:
                 directions = np.column_stack([(size * (axis == k))[:, None] * profile for k in axes])
             if np.any(directions) and f"{name} {over}" not in named:
-                groups, of_labels = press if each else None, over in ("with depth", "from place to place")
+                groups, of_labels = press if by_press else None, over in ("with depth", "from place to place")
                 kernels.append(Kernel(f"{name} {over}", PLAUSIBLE * directions, groups, (), of_labels))
     for module in problem.modules:  # forces are the first entries; the flow of images it does not change
         directions = np.zeros((len(labels), module.directions.shape[1]))
@@ -195,7 +195,7 @@ def kernels_of(problem: Problem) -> list[Kernel]:
 def _profiles(labels: pd.DataFrame) -> Iterator[tuple[str, np.ndarray, bool, bool]]:
     """Yield words, functions (n, q) of unit size, whether they grow with the force, whether each indentation has one."""
     depth = labels["depth_mm"].to_numpy(float)
-    over_depth = modes(depth, MODES["beside"])
+    over_depth = modes(depth, MODES["depth_at_place"])
     yield "with depth", modes(depth, MODES["depth"]), True, False
     if several_places(labels):
         yield "from place to place", product(plane_modes(labels), over_depth), True, False
@@ -203,7 +203,7 @@ def _profiles(labels: pd.DataFrame) -> Iterator[tuple[str, np.ndarray, bool, boo
         yield "from one indentation to the next", over_depth, True, True
     sessions, order = labels["session"].to_numpy(), labels["order"].to_numpy(float)
     if any(np.ptp(order[sessions == name]) > 0 for name in np.unique(sessions)):
-        yield "over the session's time", of_each(sessions, order, MODES["time"]), False, False
+        yield "over the session's time", modes_by_group(sessions, order, MODES["time"]), False, False
     phases = labels["phase"].to_numpy()
     later = np.column_stack([phases == "dwell", phases == "unload"]).astype(float)
     if later.any():
@@ -217,15 +217,15 @@ def _profiles(labels: pd.DataFrame) -> Iterator[tuple[str, np.ndarray, bool, boo
         )
 
 
-def of_each(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+def modes_by_group(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     """Return such cosines of each group's own values, one group's next to the other's."""
     columns = []
     for name in np.unique(group):
         here = group == name
-        own = np.zeros((len(values), count))
+        block = np.zeros((len(values), count))
         cosines = modes(values[here], count)
-        own[here, : cosines.shape[1]] = cosines
-        columns.append(own)
+        block[here, : cosines.shape[1]] = cosines
+        columns.append(block)
     return np.column_stack(columns)
 
 

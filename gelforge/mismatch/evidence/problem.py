@@ -22,7 +22,7 @@ ForcesWith = Callable[[Sequence[Term], np.ndarray], np.ndarray]
 
 def never_solved(terms: Sequence[Term], rows: np.ndarray) -> np.ndarray:
     """The `forces_with` of a problem that is judged by its columns alone."""
-    raise NotImplementedError("this problem has columns only; give it forces_with to fit amounts")
+    raise NotImplementedError("this problem has columns only; give it forces_with to fit values")
 
 
 def at_first_order(problem: Problem) -> ForcesWith:
@@ -84,7 +84,7 @@ class Problem:
         return [one for one in self.candidates if not self.effects[one.name].data_entry_error]
 
     def effect_of(self, part: Any) -> Effect:
-        """Return the effect of a part, or of whatever has its name and shape."""
+        """Return the effect of a part, or of whatever has its name and hyperparameters."""
         return self.effects[part.name]
 
     def with_model_error(self, terms: Sequence[Term]) -> Problem:
@@ -113,7 +113,7 @@ class Problem:
             change = np.maximum(self.error_of(part), least) * (part.columns @ a)
             if np.any(change):
                 errors.append(change[:, None] * self._errs)
-                if "x_mm" in part.shape and part.moved_from is None and self.error_of(part):
+                if part.located and part.moved_from is None and self.error_of(part):
                     others = next_to(part, self.places_of(part))
                     errors += [PLACE_ERROR * (other.columns - part.columns) @ a for other in others]
         return np.column_stack(errors)
@@ -143,7 +143,7 @@ class Problem:
         if not self.change_error or self.effects[part.name].data_entry_error:
             return 0.0
         least = max(self.change_error if self.solves(part) else 0.0, part.form_error)
-        return max(least, PLACE_ERROR) if "x_mm" in part.shape and part.moved_from is None else least
+        return max(least, PLACE_ERROR) if part.located and part.moved_from is None else least
 
     def solves(self, part: Candidate) -> bool:
         """Return whether an effect is solved by the finite elements."""
@@ -191,23 +191,24 @@ class Problem:
         return any(self.effects[part.name].path_dependent for part in parts)
 
     def tried(self, part: Candidate) -> Candidate:
-        """Return the problem's own candidate of a part's effect and tried shape."""
+        """Return the problem's own candidate of a part's effect at the hyperparameters that were tried."""
         return next(c for c in self.candidates if c.name == part.name and c.tried == part.tried)
 
     def slopes_of(self, part: Candidate) -> dict[str, Slope]:
         """Return what `places.slopes` gives of a part; nothing where it has no place or nothing is solved for it."""
-        located = "x_mm" in part.shape and self.solves(part)
+        located = part.located and self.solves(part)
         return slopes(self.tried(part), self.places_of(part)) if located else {}
 
     def places_of(self, part: Candidate) -> list[Candidate]:
-        """Return the problem's candidates of a part's effect, one for each shape."""
+        """Return the problem's candidates of a part's effect, one for each point of its grid."""
         return [c for c in self.candidates if c.name == part.name]
 
     def columns_at(self, part: Candidate) -> np.ndarray:
         """Return the linear change (n, p) per unit by a part at its place, between places to first order."""
-        own, columns = self.tried(part), self.tried(part).columns
+        origin, columns = self.tried(part), self.tried(part).columns
         for axis, slope in self.slopes_of(part).items():
-            columns = columns + (float(part.shape[axis]) - float(own.shape[axis])) * slope.columns
+            moved = float(part.hyperparameters[axis]) - float(origin.hyperparameters[axis])
+            columns = columns + moved * slope.columns
         return columns
 
     def at_its_place(self, part: Candidate) -> Candidate:

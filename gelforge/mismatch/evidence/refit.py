@@ -25,12 +25,14 @@ class Refitted:
     """Effects fitted in the real model."""
 
     parts: tuple[Candidate, ...]  # what has a place lies where it fits best, between those that were tried
-    amounts: tuple[np.ndarray, ...]  # per part
-    # (m, q) [N per unit, N/mm] of the entries that were fitted: of all amounts, then of places
+    theta: tuple[np.ndarray, ...]  # per part
+    # (m, q) [N per unit, N/mm] of the entries that were fitted: of all values, then of places
     columns: np.ndarray
     spread: np.ndarray  # (q, q) covariance of the same
     prior_sd: np.ndarray  # (q,) of the same
-    log_bayes_factor: float  # Laplace, against none, on these entries; shapes and scales are paid for
+    log_bayes_factor: (
+        float  # Laplace, against none, on these entries; hyperparameters and scales are paid for
+    )
     converged: bool  # not stopped by the number of its steps
 
     @property
@@ -40,7 +42,7 @@ class Refitted:
     @property
     def terms(self) -> list[Term]:
         """Return each part with its values."""
-        return list(zip(self.parts, self.amounts))
+        return list(zip(self.parts, self.theta))
 
     @property
     def effects(self) -> frozenset[str]:
@@ -49,8 +51,8 @@ class Refitted:
 
     @property
     def covariance(self) -> np.ndarray:
-        """Return the covariance (p, p) of all amounts, whatever the places."""
-        p = sum(len(a) for a in self.amounts)
+        """Return the covariance (p, p) of all values, whatever the places."""
+        p = sum(len(a) for a in self.theta)
         return self.spread[:p, :p]
 
 
@@ -132,18 +134,18 @@ def refitted(problem: Problem, start: Screened, mask: np.ndarray, placing: bool 
     factor, spread = _evidence(left, variables, J, at)
     against = -problem.covariance.restricted(mask).log_density(residual)
     against += start.log_bayes_factor - start.best_log_bayes_factor
-    parts, amounts = zip(*variables.terms(at))
-    return Refitted(parts, amounts, J, spread, prior_sd, factor + against, converged)
+    parts, theta = zip(*variables.terms(at))
+    return Refitted(parts, theta, J, spread, prior_sd, factor + against, converged)
 
 
 def _along_ways(J: np.ndarray, change: np.ndarray, a: np.ndarray, variables: Variables) -> np.ndarray:
     """Return columns (m, q) of which those of the ways are solved differences about a (q,), where that converges."""
     J = J.copy()
-    for k, move in enumerate(variables.moves, start=variables.amounts):
-        beside = a.copy()
-        beside[k] += 0.25 * (move.half if move.high > 0 else -move.half)
+    for k, move in enumerate(variables.moves, start=variables.n_theta):
+        moved_a = a.copy()
+        moved_a[k] += 0.25 * (move.half if move.high > 0 else -move.half)
         try:
-            J[:, k] = (variables.change(beside) - change) / (beside[k] - a[k])
+            J[:, k] = (variables.change(moved_a) - change) / (moved_a[k] - a[k])
         except NotConverged:
             continue
     return J
@@ -194,24 +196,24 @@ class Variables:
     mask: np.ndarray  # (n,) bool, the m entries that are fitted
 
     @property
-    def amounts(self) -> int:
+    def n_theta(self) -> int:
         """Return how many of them are values."""
-        return len(self.start.amounts)
+        return len(self.start.theta)
 
     @cached_property
     def binary(self) -> np.ndarray:
         """Return (q,) bool: what is on and not fitted."""
-        return self._each("binary", [False for _ in self.moves]).astype(bool)
+        return self._of_all("binary", [False for _ in self.moves]).astype(bool)
 
     @cached_property
     def prior_sd(self) -> np.ndarray:
         """Return the standard deviations (q,) of the priors; of a place that of an even spread half-way to the next."""
-        return self._each("prior_sd", [move.half / np.sqrt(3) for move in self.moves])
+        return self._of_all("prior_sd", [move.half / np.sqrt(3) for move in self.moves])
 
     @cached_property
     def signs(self) -> np.ndarray:
         """Return (q,) 1 or -1: the only physical sign; 0: both."""
-        return self._each("signs", [0.0 for _ in self.moves])
+        return self._of_all("signs", [0.0 for _ in self.moves])
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -226,7 +228,7 @@ class Variables:
 
     def first(self) -> np.ndarray:
         """Return (q,) the numbers of the screened answer, within their bounds."""
-        a = np.concatenate([self.start.amounts, [move.at for move in self.moves]])
+        a = np.concatenate([self.start.theta, [move.at for move in self.moves]])
         return np.where(self.binary, 1.0, np.clip(a, *self.bounds))
 
     def columns(self) -> np.ndarray:
@@ -238,9 +240,9 @@ class Variables:
         """Return the parts at their places, with their linear change there, and the values of each."""
         parts = list(self.start.parts)
         for k in {move.part for move in self.moves}:
-            by = {move.axis: x for move, x in zip(self.moves, a[self.amounts :]) if move.part == k}
+            by = {move.axis: x for move, x in zip(self.moves, a[self.n_theta :]) if move.part == k}
             parts[k] = self.problem.at_its_place(displaced(parts[k], by))
-        return terms_of(parts, a[: self.amounts])
+        return terms_of(parts, a[: self.n_theta])
 
     def change(self, a: np.ndarray) -> np.ndarray:
         """Return the change (m,) [N] of the fitted entries at a (q,). Raises NotConverged."""
@@ -251,7 +253,7 @@ class Variables:
         """Return the covariance of the fitted entries, errors of the change at a (q,) included."""
         return self.problem.with_model_error(self.terms(a)).covariance.restricted(self.mask)
 
-    def _each(self, name: str, of_moves: list) -> np.ndarray:
+    def _of_all(self, name: str, of_moves: list) -> np.ndarray:
         of_parts = [np.broadcast_to(getattr(part, name), part.columns.shape[1]) for part in self.start.parts]
         return np.concatenate([*of_parts, of_moves])
 
@@ -263,11 +265,11 @@ def variables_of(problem: Problem, start: Screened, mask: np.ndarray, placing: b
     """
     parts = tuple(_tried(problem, part) if placing else part for part in start.parts)
     moves, covariance = [], problem.covariance.restricted(mask)
-    for k, (before, (part, amounts)) in enumerate(zip(start.parts, terms_of(parts, start.amounts))):
+    for k, (before, (part, theta)) in enumerate(zip(start.parts, terms_of(parts, start.theta))):
         slopes = problem.slopes_of(part) if part.moved_from is None else {}
         for axis, slope in slopes.items():
-            way = slope.columns @ amounts
-            moved = float(before.shape[axis]) - float(part.shape[axis])
+            way = slope.columns @ theta
+            moved = float(before.hyperparameters[axis]) - float(part.hyperparameters[axis])
             if moved or np.linalg.norm(covariance.whiten(way[mask])) * slope.half > OBSERVABLE_SNR:
                 moves.append(Move(k, axis, way, slope.half, slope.low, slope.high, moved))
     return Variables(problem, replace(start, parts=parts), tuple(moves), mask)
@@ -277,5 +279,5 @@ def _tried(problem: Problem, part: Candidate) -> Candidate:
     """Return a part that a refit has moved, at the place that was tried."""
     if part.moved_from is None:
         return part
-    there = replace(part, shape=part.moved_from)
+    there = replace(part, hyperparameters=part.moved_from)
     return replace(there, moved_from=None, columns=problem.columns_at(there))

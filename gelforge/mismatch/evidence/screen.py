@@ -11,38 +11,43 @@ from scipy.special import logsumexp
 
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.evidence.gaussian import evidence
-from gelforge.mismatch.model.effect import Shape
+from gelforge.mismatch.model.effect import Hyperparameters
 from gelforge.mismatch.model.places import AXES, RADIUS, point
 from gelforge.mismatch.thresholds import FORM_ERRORS, SCALES
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One effect at one shape: the change of the n entries per unit of each of its p values."""
+    """One effect at one point of its grid: the change of the n entries per unit of each of its p values."""
 
     name: str
-    shape: Shape
+    hyperparameters: Hyperparameters
     columns: np.ndarray  # (n, p) [N per unit]
     prior_sd: np.ndarray  # (p,) standard deviations of the priors
     signs: np.ndarray  # (p,) 1, -1: the only physical sign; 0: both
     binary: bool = False  # the value is 1 or 0
-    moved_from: Shape | None = None  # the shape that was tried, where a refit has moved its place
+    moved_from: Hyperparameters | None = None  # those that were tried, where a refit has moved its place
     form_error: float = FORM_ERRORS[1]  # where readings have judged it that of most evidence
 
     @property
-    def tried(self) -> Shape:
-        """Return the shape that was tried: one of the effect's own list."""
-        return dict(self.shape if self.moved_from is None else self.moved_from)
+    def tried(self) -> Hyperparameters:
+        """Return the hyperparameters that were tried: a point of the effect's grid."""
+        return dict(self.hyperparameters if self.moved_from is None else self.moved_from)
+
+    @property
+    def located(self) -> bool:
+        """Return whether it has a place."""
+        return "x_mm" in self.hyperparameters
 
 
 @dataclass(frozen=True, eq=False)
 class Screened:
     """One effect, or several at once, judged against none."""
 
-    parts: tuple[Candidate, ...]  # at their best shapes and scales
-    log_bayes_factor: float  # against none, averaged over shapes and scales
+    parts: tuple[Candidate, ...]  # at their best hyperparameters and scales
+    log_bayes_factor: float  # against none, averaged over hyperparameters and scales
     best_log_bayes_factor: float  # at the best ones
-    amounts: np.ndarray  # (p,) posterior means, the parts' values in turn
+    theta: np.ndarray  # (p,) posterior means, the parts' values in turn
     covariance: np.ndarray  # (p, p) of the values
     change: np.ndarray  # (n,) [N] of the readings at these values
     snr: float  # of this change: sqrt(d' C^-1 d)
@@ -61,7 +66,7 @@ class Screened:
     @property
     def terms(self) -> list[Term]:
         """Return each part with its values."""
-        return terms_of(self.parts, self.amounts)
+        return terms_of(self.parts, self.theta)
 
     @property
     def by_name(self) -> dict[str, np.ndarray]:
@@ -72,14 +77,14 @@ class Screened:
 Term = tuple[Candidate, np.ndarray]  # an effect and its values
 
 
-def terms_of(parts: Sequence[Candidate], amounts: np.ndarray) -> list[Term]:
+def terms_of(parts: Sequence[Candidate], theta: np.ndarray) -> list[Term]:
     """Return parts with their share of all values.
 
     Parameters
     ----------
     parts : sequence of Candidate
         The effects.
-    amounts : numpy.ndarray
+    theta : numpy.ndarray
         (p, ...), the parts' values in turn.
 
     Returns
@@ -87,12 +92,12 @@ def terms_of(parts: Sequence[Candidate], amounts: np.ndarray) -> list[Term]:
     list of (Candidate, numpy.ndarray)
         In the order of the parts.
     """
-    return list(zip(parts, split(parts, amounts)))
+    return list(zip(parts, split(parts, theta)))
 
 
-def split(parts: Sequence[Candidate], amounts: np.ndarray) -> list[np.ndarray]:
+def split(parts: Sequence[Candidate], theta: np.ndarray) -> list[np.ndarray]:
     """Return values (p,) of several parts by part."""
-    return np.split(np.asarray(amounts), np.cumsum([part.columns.shape[1] for part in parts])[:-1])
+    return np.split(np.asarray(theta), np.cumsum([part.columns.shape[1] for part in parts])[:-1])
 
 
 def screened(
@@ -103,19 +108,19 @@ def screened(
 ) -> list[Screened]:
     """Return every effect judged against none by residual (n,) = measured - base, best first.
 
-    Shapes of one effect, and scales of its plausible values, have equal prior weight: their Bayes factors are averaged.
+    Hyperparameters of an effect, and scales of its plausible values, have equal prior weight: Bayes factors are averaged.
     """
     r = covariance.whiten(residual)
     by_name = defaultdict(list)
-    for candidate, own in zip(candidates, whitened(covariance, candidates)):
+    for candidate, white in zip(candidates, whitened(covariance, candidates)):
         for scale in (1.0,) if candidate.binary else scales:
             part = replace(candidate, prior_sd=scale * np.asarray(candidate.prior_sd))
-            observable = float(np.linalg.norm(own * (1.0 if candidate.binary else candidate.prior_sd)))
-            by_name[candidate.name].append(replace(judged_by(r, (part,), [own]), plausible_snr=observable))
+            observable = float(np.linalg.norm(white * (1.0 if candidate.binary else candidate.prior_sd)))
+            by_name[candidate.name].append(replace(judged_by(r, (part,), [white]), plausible_snr=observable))
     judged_effects = []
-    for shapes in by_name.values():
-        factors = [judged.log_bayes_factor for judged in shapes]
-        best = shapes[int(np.argmax(factors))]
+    for choices in by_name.values():
+        factors = [judged.log_bayes_factor for judged in choices]
+        best = choices[int(np.argmax(factors))]
         average = float(logsumexp(factors) - np.log(len(factors)))
         judged_effects.append(replace(best, log_bayes_factor=average))
     return sorted(judged_effects, key=lambda judged: -judged.log_bayes_factor)
@@ -167,23 +172,23 @@ def judged_by(r: np.ndarray, parts: Sequence[Candidate], columns: Sequence[np.nd
     prior_sd = np.concatenate([np.broadcast_to(part.prior_sd, c.shape[1]) for part, c in zip(parts, columns)])
     signs = np.concatenate([np.broadcast_to(part.signs, c.shape[1]) for part, c in zip(parts, columns)])
     on = np.concatenate([np.full(c.shape[1], part.binary) for part, c in zip(parts, columns)])
-    d = J[:, on].sum(axis=1)  # a switch is there with amount 1
+    d = J[:, on].sum(axis=1)  # a switch is there with value 1
     factor = float(d @ r - 0.5 * d @ d)
-    amounts, spread = np.ones(len(on)), np.zeros((len(on), len(on)))
+    theta, spread = np.ones(len(on)), np.zeros((len(on), len(on)))
     if not on.all():
         free = ~on
         log_evidence, mean, cov = evidence(r - d, J[:, free], prior_sd[free], signs[free])
         factor += log_evidence
-        amounts[free], spread[np.ix_(free, free)] = mean, cov
+        theta[free], spread[np.ix_(free, free)] = mean, cov
     plain = np.column_stack([part.columns for part in parts])
     return Screened(
         parts=tuple(parts),
         log_bayes_factor=factor,
         best_log_bayes_factor=factor,
-        amounts=amounts,
+        theta=theta,
         covariance=spread,
-        change=plain @ amounts,
-        snr=float(np.linalg.norm(J @ amounts)),
+        change=plain @ theta,
+        snr=float(np.linalg.norm(J @ theta)),
         plausible_snr=float(np.linalg.norm(J * np.where(on, 1.0, prior_sd))),
     )
 
@@ -219,7 +224,7 @@ def slopes(part: Candidate, others: Sequence[Candidate]) -> dict[str, Slope]:
 def displaced(part: Candidate, by: dict[str, float]) -> Candidate:
     """Return a located effect as far [mm] from the place that was tried, axis by axis; its columns stay as they are."""
     place = {axis: float(part.tried[axis]) + float(offset) for axis, offset in by.items()}
-    return replace(part, shape={**part.shape, **place}, moved_from=part.tried)
+    return replace(part, hyperparameters={**part.hyperparameters, **place}, moved_from=part.tried)
 
 
 def next_to(part: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
@@ -234,6 +239,6 @@ def next_to(part: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
     return nearest
 
 
-def between(one: Shape, other: Shape) -> np.ndarray:
+def between(one: Hyperparameters, other: Hyperparameters) -> np.ndarray:
     """Return the way (4,) [mm] from one place to another, the growth of its radius last."""
     return point(other) - point(one)

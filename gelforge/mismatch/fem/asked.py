@@ -11,7 +11,7 @@ from gelforge.config import ConfigError
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.solving.sensitivities import Variation
 from gelforge.mismatch.fem.solutions import Solver
-from gelforge.mismatch.model.effect import Context, Effect, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters
 from gelforge.mismatch.model.images_of_presses import carried, carried_derivative, numbers_at_image
 from gelforge.mismatch.model.places import FirstOrder
 from gelforge.mismatch.thresholds import REACH_MM
@@ -21,24 +21,24 @@ ALWAYS_SHOWN = ("base", "law ", "unloading ")
 
 @dataclass(frozen=True)
 class Asked:
-    """A derivative that the solver must give: to amount `which` of an effect at one of its shapes."""
+    """A derivative that the solver must give: to parameter `which` of an effect at one point of its grid."""
 
     effect: Effect
-    shapes: Sequence[Shape]
+    grid: Sequence[Hyperparameters]
     number: int
     which: int
     variation: Variation
 
     @property
-    def shape(self) -> Shape:
-        return self.shapes[self.number]
+    def hyperparameters(self) -> Hyperparameters:
+        return self.grid[self.number]
 
     @property
     def key(self) -> str:
         return self.keys_of(self.number)[self.which]
 
     def keys_of(self, number: int) -> list[str]:
-        """Return the keys of the effect at one of its shapes, one per value."""
+        """Return the keys of the effect at one point of its grid, one per value."""
         assert isinstance(self.effect.to_forces, FirstOrder)
         return self.effect.to_forces.keys(number)
 
@@ -53,20 +53,20 @@ def asked_of(
     for effect in effects:
         if not isinstance(effect.to_forces, FirstOrder):
             continue
-        shapes = effect.shapes(context)
-        for number, shape in enumerate(shapes):
-            if at is not None and not reaches(shape, at.x_mm, at.y_mm):
+        grid = effect.grid(context)
+        for number, hyperparameters in enumerate(grid):
+            if at is not None and not reaches(hyperparameters, at.x_mm, at.y_mm):
                 continue
             for which in range(len(effect.parameters)):
                 try:
-                    variation = _variation(solver, effect, shape, which)
+                    variation = _variation(solver, effect, hyperparameters, which)
                 except ConfigError:  # this sensor does not have what the effect is about
                     continue
-                yield Asked(effect, shapes, number, which, variation)
+                yield Asked(effect, grid, number, which, variation)
 
 
-def _variation(solver: Solver, effect: Effect, shape: Shape, which: int) -> Variation:
-    """Return the coarser study a little next to itself along amount `which` of an effect. Raises ConfigError.
+def _variation(solver: Solver, effect: Effect, hyperparameters: Hyperparameters, which: int) -> Variation:
+    """Return the coarser study a little next to itself along parameter `which` of an effect. Raises ConfigError.
 
     Of some its place is taken by a difference to either side of the base, wide enough that ripples from node to node cancel.
     """
@@ -75,23 +75,24 @@ def _variation(solver: Solver, effect: Effect, shape: Shape, which: int) -> Vari
     step, instead = effect.unit_step(which, effect.step), None
     if effect.across:
         wide = effect.across(coarse) * np.eye(len(step))[which]
-        there, back = (solver.seen(to_study(coarse, shape, tuple(side * wide))) for side in (1, -1))
+        there, back = (solver.seen(to_study(coarse, hyperparameters, tuple(side * wide))) for side in (1, -1))
         instead = Variation(there, laws, 2 * wide[which], alone=True, without=back)
-    varied = solver.seen(to_study(coarse, shape, step))
+    varied = solver.seen(to_study(coarse, hyperparameters, step))
     alone = effect.mesh_changes or effect.binary or effect.history
     return Variation(varied, laws, step[which], alone, instead=instead)
 
 
 def observed_by(asked: Sequence[Asked], planned: PlannedCell) -> dict[str, Variation]:
     """Return the variations that an indentation at a position can show."""
-    return {one.key: one.variation for one in asked if reaches(one.shape, planned.x_mm, planned.y_mm)}
+    x, y = planned.x_mm, planned.y_mm
+    return {one.key: one.variation for one in asked if reaches(one.hyperparameters, x, y)}
 
 
-def reaches(shape: Shape, x: float, y: float) -> bool:
-    """Return whether an indentation at (x, y) [mm] shows an effect of this shape: one without a place acts everywhere."""
-    if "x_mm" not in shape:
+def reaches(hyperparameters: Hyperparameters, x: float, y: float) -> bool:
+    """Return whether an indentation at (x, y) [mm] shows an effect: one without a place acts everywhere."""
+    if "x_mm" not in hyperparameters:
         return True
-    return bool(np.hypot(float(shape["x_mm"]) - x, float(shape["y_mm"]) - y) <= REACH_MM)
+    return bool(np.hypot(float(hyperparameters["x_mm"]) - x, float(hyperparameters["y_mm"]) - y) <= REACH_MM)
 
 
 def carried_derivatives(
@@ -101,15 +102,15 @@ def carried_derivatives(
 
     The reason why one could not be had stays a reason.
     """
-    own = {key: carried(image[key], symmetry) for key in image if key.startswith(ALWAYS_SHOWN)}
-    numbers: dict[str, list[int]] = {}  # of each effect's shapes, at the image
+    here = {key: carried(image[key], symmetry) for key in image if key.startswith(ALWAYS_SHOWN)}
+    numbers: dict[str, list[int]] = {}  # of each effect's grid, at the image
     for one in asked:
         name = one.effect.name
         if name not in numbers:
-            numbers[name] = numbers_at_image(one.shapes, symmetry, width_mm)
+            numbers[name] = numbers_at_image(one.grid, symmetry, width_mm)
         keys = one.keys_of(numbers[name][one.number])
         if reasons := [image[f"reason {key}"] for key in keys if f"reason {key}" in image]:
-            own[f"reason {one.key}"] = reasons[0]
+            here[f"reason {one.key}"] = reasons[0]
         elif (along := carried_derivative(image, symmetry, one.effect, keys, one.which)) is not None:
-            own[one.key] = along
-    return own
+            here[one.key] = along
+    return here

@@ -23,10 +23,10 @@ from gelforge.mismatch.evidence.covariance import readings_covariance
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.evidence.screen import Term
 from gelforge.mismatch.fem.solutions import Solver, SolverFailed, Unsolved
-from gelforge.mismatch.fem.solver import Amounts, Base, base_of, forces_with, forgetting, read_with
+from gelforge.mismatch.fem.solver import Base, Choice, base_of, forces_with, forgetting, read_with
 from gelforge.mismatch.free_forms import changes_of, modules_of, required
 from gelforge.mismatch.inference.scan import without_spikes
-from gelforge.mismatch.model.effect import Context, Curves, Effect, Shape
+from gelforge.mismatch.model.effect import Context, Curves, Effect, Hyperparameters
 from gelforge.mismatch.model.images_of_presses import image_of
 from gelforge.mismatch.readings.observations import Observations, spread_out
 from gelforge.mismatch.readings.runs import DEPTH_DIGITS
@@ -74,9 +74,9 @@ def with_known(base: Base, solver: Solver) -> Base:
         effect = _effect_of(known)
         if effect.to_forces is None:
             continue
-        _check_shape(known, effect.shapes(base.context))
-        amounts = np.array([known.amounts.get(p.name, 0.0) for p in effect.parameters])
-        chosen.append((effect, known.shape, amounts))
+        _check_hyperparameters(known, effect.grid(base.context))
+        theta = np.array([known.parameters.get(p.name, 0.0) for p in effect.parameters])
+        chosen.append((effect, known.hyperparameters, theta))
     if not chosen:
         return base
     try:
@@ -91,13 +91,13 @@ def with_known(base: Base, solver: Solver) -> Base:
     )
 
 
-def _sensor_of(context: Context, chosen: Sequence[Amounts]) -> np.ndarray:
+def _sensor_of(context: Context, chosen: Sequence[Choice]) -> np.ndarray:
     """Return the matrix (3, 3) by which known effects read one newton more along each axis; what only adds: as it is."""
 
     def read(force):
-        for effect, shape, amounts in chosen:
+        for effect, hyperparameters, theta in chosen:
             if not effect.solved and effect.to_forces is not None:
-                force = effect.to_forces(replace(context, force=force), shape, force, tuple(amounts))
+                force = effect.to_forces(replace(context, force=force), hyperparameters, force, tuple(theta))
         return force
 
     alone = read(context.force)
@@ -110,12 +110,12 @@ def _as_read(base: Base, sensor: np.ndarray) -> Base:
     def read(curves: Curves) -> Curves:
         return replace(curves, values=tuple(values @ sensor.T for values in curves.values))
 
-    own = base.context
+    unread = base.context
     context = replace(
-        own,
-        curves=read(own.curves),
-        derivatives={name: read(curves) for name, curves in own.derivatives.items()},
-        at_readings={name: values @ sensor.T for name, values in own.at_readings.items()},
+        unread,
+        curves=read(unread.curves),
+        derivatives={name: read(curves) for name, curves in unread.derivatives.items()},
+        at_readings={name: values @ sensor.T for name, values in unread.at_readings.items()},
     )
     law, floor = np.einsum("ij,rjq->riq", sensor, base.law), np.sqrt(base.floor**2 @ (sensor**2).T)
     return replace(base, context=context, law=law, floor=floor, sensor=sensor)
@@ -127,28 +127,28 @@ def _effect_of(known: Known) -> Effect:
         raise ConfigError(
             f"mismatch.known: no effect {known.effect!r} of forces or camera; the catalogue has {sorted(CATALOGUE)}"
         )
-    unknown = set(known.amounts) - {p.name for p in effect.parameters}
+    unknown = set(known.parameters) - {p.name for p in effect.parameters}
     if unknown:
         names = [p.name for p in effect.parameters]
         raise ConfigError(f"mismatch.known, {known.effect}: no parameter {sorted(unknown)}; it has {names}")
     return effect
 
 
-def _check_shape(known: Known, offered: Sequence[Shape]) -> None:
-    """Raise ConfigError where it is not said which shape is meant; numbers may lie between those offered, words not.
+def _check_hyperparameters(known: Known, offered: Sequence[Hyperparameters]) -> None:
+    """Raise ConfigError where hyperparameters are missing or not offered; numbers may lie between those offered, words not.
 
     Of effects that these readings cannot show, nothing is offered and nothing checked.
     """
     if not offered:
         return
-    ways = {key: sorted({shape[key] for shape in offered}) for key in offered[0]}
+    ways = {key: sorted({one[key] for one in offered}) for key in offered[0]}
     tried = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in ways.items()) or "none"
-    if set(known.shape) != set(ways):
+    if set(known.hyperparameters) != set(ways):
         raise ConfigError(
-            f"mismatch.known, {known.effect}: its shape has {sorted(known.shape)} and must have {sorted(ways)};"
-            f" those tried are {tried}"
+            f"mismatch.known, {known.effect}: its hyperparameters are {sorted(known.hyperparameters)} and must be"
+            f" {sorted(ways)}; those tried are {tried}"
         )
-    for key, value in known.shape.items():
+    for key, value in known.hyperparameters.items():
         if isinstance(value, str) and value not in ways[key]:
             raise ConfigError(f"mismatch.known, {known.effect}: no {key} {value!r}; those tried are {tried}")
 
@@ -327,8 +327,8 @@ def problem_of(
     candidates = candidates_of(base.context, effects, failed)
     changes = changes_of(base.context) if recorded else []
 
-    def chosen(terms: Sequence[Term]) -> list[Amounts]:
-        return [(effects[part.name], part.shape, a) for part, a in terms]
+    def chosen(terms: Sequence[Term]) -> list[Choice]:
+        return [(effects[part.name], part.hyperparameters, a) for part, a in terms]
 
     return (
         Problem(

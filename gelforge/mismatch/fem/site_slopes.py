@@ -79,7 +79,7 @@ def slopes_of_site(solver: Solver, cell: PlannedCell) -> SiteSlopes:
 
 
 def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation, dict]]:
-    """Return what is differentiated along at a place by name, each with its effect, parameter, unit and shape."""
+    """Return what is differentiated along at a place by name, each with its effect, parameter, unit and hyperparameters."""
     blank = Context.before_readings(solver.study)  # all that there could be
     effects = required(solver.study, effects_of_forces(solver.study).values())
     variations: dict[str, tuple[Variation, dict]] = {}
@@ -95,10 +95,10 @@ def asked_at(solver: Solver, planned: PlannedCell) -> dict[str, tuple[Variation,
             words = {"effect": one.effect.name, "parameter": parameter.name, "unit": parameter.unit}
             variations[key if key not in variations else f"{key} by {zero_by}"] = (
                 variation,
-                words | {"shape": dict(one.shape), "depth_zero_by": zero_by},
+                words | {"hyperparameters": dict(one.hyperparameters), "depth_zero_by": zero_by},
             )
     for key, variation in along_laws(solver, solver.coarse).items():
-        words = {"effect": "", "parameter": key, "unit": "standard deviation", "shape": {}}
+        words = {"effect": "", "parameter": key, "unit": "standard deviation", "hyperparameters": {}}
         variations[key] = variation, words
     return variations
 

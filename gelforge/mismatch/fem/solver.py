@@ -31,7 +31,7 @@ from gelforge.mismatch.fem.solutions import (
     own_cell,
     unloading_key,
 )
-from gelforge.mismatch.model.effect import Context, Curves, Effect, Shape
+from gelforge.mismatch.model.effect import Context, Curves, Effect, Hyperparameters
 from gelforge.mismatch.model.images_of_presses import (
     carried,
     image_of,
@@ -40,7 +40,7 @@ from gelforge.mismatch.model.images_of_presses import (
 from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
-Amounts = tuple[Effect, Shape, np.ndarray]
+Choice = tuple[Effect, Hyperparameters, np.ndarray]
 # Of the difference to the mesh of twice the sizes, root mean square over depths: about the third that is left of an error of
 # second order (Richardson 1911); FElupe's forces lie within two such bars (tests/mismatch/test_base_bars.py).
 PART = 0.3
@@ -106,7 +106,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     force = coarse + (blank.on_readings(curves) - blank.on_readings(on_coarse))
     finer = _share(force, coarse)
     of_loading = finer * _share(coarse, loading)
-    finer_along = [_share(values, own) for values, own in zip(curves.values, on_coarse.values)]
+    finer_along = [_share(values, finer_mesh) for values, finer_mesh in zip(curves.values, on_coarse.values)]
     failed: dict[str, str] = {}
     at_readings, along = {}, {}
     for key in [one.key for one in asked]:
@@ -115,7 +115,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
             continue
         down = [one.get(key, np.zeros_like(one["base"])) for one in by_way]
         at_readings[key] = of_loading * runs.loading(down)
-        along[key] = Curves(depths, tuple(f * own for f, own in zip(finer_along, down)))
+        along[key] = Curves(depths, tuple(f * finer_mesh for f, finer_mesh in zip(finer_along, down)))
     laws = [key for key in by_way[0] if key.startswith("law ")]
     law = [of_loading * runs.loading([one[key] for one in by_way]) for key in laws]
     context = Context(remembering.study, observations, force, curves, along, at_readings)
@@ -123,7 +123,7 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     companion = _companion_curves(solver, ways, curves.values) or on_coarse.values
     sideways = SIDEWAYS if solver.study.mismatch.discretisation is None else 0.0  # that is known of all axes
     by_site = zip(curves.values, companion)
-    bars = Curves(depths, tuple(base_bars(own, other, sideways) for own, other in by_site))
+    bars = Curves(depths, tuple(base_bars(finer_mesh, other, sideways) for finer_mesh, other in by_site))
     solution = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
     return Base(context, ways, coarse, loading, finer, stacked, blank.on_readings(bars), solution, failed)
 
@@ -157,13 +157,13 @@ def _solved_once(solver: Solver, ways: Sequence[PlannedCell]) -> np.ndarray:
 
 def _base_curves(solver: Solver, ways: Sequence[PlannedCell]) -> list[np.ndarray]:
     """Return the base forces (D, 3) of every loading: the study's own site's where it is that indentation, else solved."""
-    own = [own_cell(solver, way) for way in ways]
-    missing = [way for way, stored in zip(ways, own) if stored is None]
+    stored_forces = [own_cell(solver, way) for way in ways]
+    missing = [way for way, stored in zip(ways, stored_forces) if stored is None]
     solved, symmetries = solved_for_all(
         solver.study, missing, lambda distinct: _base(solver.each(fine, [(solver, way) for way in distinct]))
     )
     others = iter([carried(total, symmetry) for total, symmetry in zip(solved, symmetries)])
-    return [next(others) if stored is None else stored for stored in own]
+    return [next(others) if stored is None else stored for stored in stored_forces]
 
 
 def _followed(
@@ -179,8 +179,8 @@ def _followed(
     """
     back: dict[PlannedCell, dict[PlannedCell, None]] = {}  # by loading; a set in order
     for way, run in unloadings:
-        own = back.setdefault(image_of(solver.study, ways[way])[0], {})
-        own[image_of(solver.study, run)[0]] = None
+        runs_of = back.setdefault(image_of(solver.study, ways[way])[0], {})
+        runs_of[image_of(solver.study, run)[0]] = None
 
     for one in asked:
         assert one.variation.inputs  # found once, not by every task
@@ -204,13 +204,13 @@ def _with_unloading(runs: Runs, by_way: Sequence[dict]) -> np.ndarray:
     return at_readings
 
 
-def _base(found: list) -> list:
+def _base(solved: list) -> list:
     """Return solutions of the base as they are. Raises SolverFailed, with all of them, where some are Unsolved."""
-    unsolved = [one for one in found if isinstance(one, Unsolved)]
+    unsolved = [one for one in solved if isinstance(one, Unsolved)]
     if unsolved:
         words = "; ".join(one.words for one in unsolved)
         raise SolverFailed(f"the nominal model does not converge {words}", unsolved)
-    return found
+    return solved
 
 
 def forgetting(solver: Solver) -> Solver:
@@ -257,7 +257,7 @@ def _share(fine: np.ndarray, coarse: np.ndarray) -> np.ndarray:
 
 
 def forces_with(
-    solver: Solver, base: Base, chosen: Sequence[Amounts], readings: np.ndarray | None = None
+    solver: Solver, base: Base, chosen: Sequence[Choice], readings: np.ndarray | None = None
 ) -> np.ndarray:
     """Return the forces (R, 3) [N] at readings (R,) bool with some effects, by the finite elements; nan at the others.
 
@@ -291,27 +291,27 @@ def _changes_unloading(study: Study, other: Study) -> bool:
     return two.effects.history.any or (one.friction, one.contact) != (two.friction, two.contact)
 
 
-def read_with(base: Base, chosen: Sequence[Amounts], force: np.ndarray) -> np.ndarray:
+def read_with(base: Base, chosen: Sequence[Choice], force: np.ndarray) -> np.ndarray:
     """Return forces (R, 3) [N] as those effects read them that are not solved."""
     context = replace(base.context, force=force)
-    for effect, shape, amounts in chosen:
+    for effect, hyperparameters, theta in chosen:
         if not effect.solved and effect.to_forces is not None:
-            force = effect.to_forces(context, shape, force, tuple(amounts))
+            force = effect.to_forces(context, hyperparameters, force, tuple(theta))
     return force
 
 
-def _with(study: Study, chosen: Sequence[Amounts]) -> Study:
+def _with(study: Study, chosen: Sequence[Choice]) -> Study:
     """Return the study, without mirror images, with some effects."""
     study = unmirrored(study)
-    for effect, shape, amounts in chosen:
+    for effect, hyperparameters, theta in chosen:
         if effect.to_study is not None:
-            study = effect.to_study(study, shape, tuple(amounts))
+            study = effect.to_study(study, hyperparameters, tuple(theta))
     return study
 
 
 def _by_observable_parts(
-    observations: Observations, chosen: Sequence[Amounts]
-) -> Iterator[tuple[list[Amounts], np.ndarray]]:
+    observations: Observations, chosen: Sequence[Choice]
+) -> Iterator[tuple[list[Choice], np.ndarray]]:
     """Yield effects with the readings (R,) bool that feel just these: what has a place does not reach all sites.
 
     Where something remembers, all indentations stay together: each finds what those before it have left.
@@ -320,9 +320,7 @@ def _by_observable_parts(
     if any(effect.history for effect, *_ in chosen):
         yield list(chosen), np.ones(len(site), bool)
         return
-    feels = {
-        s: tuple(reaches(shape, *observations.sites[s]) for _, shape, _ in chosen) for s in np.unique(site)
-    }
+    feels = {s: tuple(reaches(at, *observations.sites[s]) for _, at, _ in chosen) for s in np.unique(site)}
     for observable in dict.fromkeys(feels.values()):
         if any(observable):
             own = [one for one, reached in zip(chosen, observable) if reached]
@@ -365,11 +363,11 @@ def _coarse_forces(solver: Solver, study: Study, observations: Observations, unl
     return paths.at_readings([carried(total, symmetry) for (total,), symmetry in zip(solved, symmetries)])
 
 
-def _solved(found: list) -> list:
+def _solved(solved: list) -> list:
     """Return solutions as they are. Raises NotConverged where one of them is a reason why there are none."""
-    if reasons := [one for one in found if isinstance(one, str)]:
+    if reasons := [one for one in solved if isinstance(one, str)]:
         raise NotConverged(reasons[0])
-    return found
+    return solved
 
 
 def base_bars(total: np.ndarray, coarse: np.ndarray, sideways: float = SIDEWAYS) -> np.ndarray:

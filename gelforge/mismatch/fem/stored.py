@@ -2,7 +2,7 @@
 
 Of each place that stands for its mirror images there is one file: base forces and derivatives on the coarser mesh
 (mismatch.coarser) at the depths of the plan, in all that the finite elements can be differentiated along: effects of the
-catalogue at all their shapes, uncertain directions of the laws, boxes of the body map.
+catalogue at all points of their grids, uncertain directions of the laws, boxes of the body map.
 """
 
 from __future__ import annotations

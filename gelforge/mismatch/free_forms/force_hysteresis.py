@@ -35,7 +35,7 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     # of the map: the largest force so far, and the share of it that still presses
     grids = np.meshgrid((0.25, 0.5, 1.0), (0.25, 0.5, 0.75), indexing="ij")
     peak, left = (grid.ravel() for grid in grids)
-    own = _of_map(peak, left, width)
+    loops = _of_map(peak, left, width)
     at = pd.DataFrame({"largest_force_share": peak, "left_share": left})
     return Module(
         words="a lag of the force sensor",
@@ -43,7 +43,7 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
         name="force_hysteresis",
         says="the force sensor reads differently during unloading",
         map=pd.concat([at.assign(quantity=f"opening of {axis}") for axis in AXES], ignore_index=True),
-        basis=block_diag(*[own] * 3),
+        basis=block_diag(*[loops] * 3),
         unit="of the largest force",
         of_labels=False,  # it is the sensor's, not the gel's
         where=lambda row: (

@@ -35,11 +35,11 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     directions, basis, maps = [], [], []
     for i in range(3):
         for j in range(3):
-            own = CATALOGUE["force_gain" if i == j else "cross_talk"].parameters[0].width * plane
+            scaled = CATALOGUE["force_gain" if i == j else "cross_talk"].parameters[0].width * plane
             change = np.zeros((len(table), 3, plane.shape[1]))
-            change[:, i] = force[:, [j]] * own
+            change[:, i] = force[:, [j]] * scaled
             directions.append(context.observations.flat(change))
-            basis.append(own[rows])
+            basis.append(scaled[rows])
             maps.append(at.assign(quantity=f"gain {AXES[i]}" if i == j else f"{AXES[i]} of {AXES[j]}"))
     return Module(
         words="what the force sensor reads from place to place",

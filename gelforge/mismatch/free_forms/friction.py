@@ -13,7 +13,7 @@ from gelforge.mechanics.contact.forces import friction_coefficient
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.kernels import FreeForm, Module
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters, Parameter
 from gelforge.mismatch.model.places import FirstOrder
 
 # Of the study's reference pressure: the lowest one makes a power of most pressures, the highest a straight line.
@@ -21,10 +21,10 @@ REFERENCES = (0.1, 1.0, 10.0)
 WIDTH = 0.2  # of each exponent: together as wide as that of Hertzian asperities, 1/3 (Schallamach 1952)
 
 
-def shapes(study: Study) -> list[Shape]:
+def grid(study: Study) -> list[Hyperparameters]:
     """Return the reference pressures [MPa] of the factors (1 + p / reference)^-exponent."""
-    own = study.mechanics.effects.contact.reference_pressure_MPa
-    return [{"reference_pressure_MPa": share * own} for share in REFERENCES]
+    reference = study.mechanics.effects.contact.reference_pressure_MPa
+    return [{"reference_pressure_MPa": share * reference} for share in REFERENCES]
 
 
 def with_terms(study: Study, exponents: Mapping[float, float]) -> Study:
@@ -34,9 +34,9 @@ def with_terms(study: Study, exponents: Mapping[float, float]) -> Study:
     return with_keys(study, contact={"pressure_terms": [*terms, *more]})
 
 
-def _to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-    (n,) = amounts
-    return with_terms(study, {float(shape["reference_pressure_MPa"]): float(n)}) if n else study
+def _to_study(study: Study, hyperparameters: Hyperparameters, theta: Sequence[float]) -> Study:
+    (n,) = theta
+    return with_terms(study, {float(hyperparameters["reference_pressure_MPa"]): float(n)}) if n else study
 
 
 TERM = Effect(
@@ -44,8 +44,8 @@ TERM = Effect(
     family="contact",
     parameters=(Parameter("exponent", "1", WIDTH, (-0.99, 0.99), "width: see WIDTH; bounds: the study's"),),
     to_study=_to_study,
-    to_forces=FirstOrder("friction_term", scanned=shapes),
-    shapes=lambda context: shapes(context.study),
+    to_forces=FirstOrder("friction_term", scanned=grid),
+    grid=lambda context: grid(context.study),
     applies=lambda study: study.mechanics.friction > 0,
 )
 
@@ -55,13 +55,13 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     if len(changes) < len(REFERENCES) or "friction" not in context.derivatives:
         return None
     (excess,) = CATALOGUE["friction"].parameters
-    references = [float(one.shape["reference_pressure_MPa"]) for one in changes]
+    references = [float(one.hyperparameters["reference_pressure_MPa"]) for one in changes]
     everywhere = excess.width * context.observations.flat(context.derivative("friction"))
     shares = np.array([0.1, 0.3, 1.0, 3.0, 10.0])  # of the reference pressure: pressures of the map
     pressures = context.study.mechanics.effects.contact.reference_pressure_MPa * shares
-    own = _share(context.study, pressures)
+    shares_of_law = _share(context.study, pressures)
     falls = -WIDTH * context.study.mechanics.friction * np.log1p(pressures[:, None] / np.array(references))
-    basis = own[:, None] * np.column_stack([np.full(len(shares), excess.width), falls])
+    basis = shares_of_law[:, None] * np.column_stack([np.full(len(shares), excess.width), falls])
     return Module(
         words="friction at other pressures",
         directions=np.column_stack([everywhere, *(WIDTH * one.columns[:, 0] for one in changes)]),

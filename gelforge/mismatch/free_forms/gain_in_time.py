@@ -9,7 +9,7 @@ import pandas as pd
 from scipy.linalg import block_diag
 
 from gelforge.mismatch.effects import CATALOGUE
-from gelforge.mismatch.evidence.kernels import AXES, MODES, FreeForm, Module, of_each
+from gelforge.mismatch.evidence.kernels import AXES, MODES, FreeForm, Module, modes_by_group
 from gelforge.mismatch.evidence.screen import Candidate
 from gelforge.mismatch.model.effect import Context
 
@@ -22,15 +22,15 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     if not any(len(rows["order"].unique()) > 1 for _, rows in table.groupby("session")):
         return None
     width = CATALOGUE["force_gain"].parameters[0].width
-    time = width * of_each(table["session"].to_numpy(), table["order"].to_numpy(float), MODES["time"])
+    time = width * modes_by_group(table["session"].to_numpy(), table["order"].to_numpy(float), MODES["time"])
     presses = table.drop_duplicates("press")
     flat, shared = context.observations.flat, context.force[:, :, None] * time[:, None, :]
-    own = [flat(shared * OWN * (np.arange(3) == k)[None, :, None]) for k in range(3)]
+    by_axis = [flat(shared * OWN * (np.arange(3) == k)[None, :, None]) for k in range(3)]
     at = presses[["session", "order", "time_s"]].reset_index(drop=True)
     basis = time[presses.index]
     return Module(
         words="the force sensor's gain over the session's time",
-        directions=np.column_stack([flat(shared), *own]),
+        directions=np.column_stack([flat(shared), *by_axis]),
         name="gain_in_time",
         says="the force sensor's gain, or the stiffness of all layers (forces alone do not distinguish them), changes"
         " over the session",

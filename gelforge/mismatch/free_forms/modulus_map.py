@@ -21,7 +21,7 @@ def module(context: Context, boxes: Sequence[Candidate]) -> Module | None:
     """Return the map, of linear changes by the modulus of boxes; each box's relative change by itself is WIDTH."""
     if not boxes:
         return None
-    at = pd.DataFrame([dict(box.shape) for box in boxes])
+    at = pd.DataFrame([dict(box.hyperparameters) for box in boxes])
     basis = WIDTH * product(plane_modes(at), modes(at["z_mm"].to_numpy(float), LEVELS))
     return Module(
         words="the body's modulus from place to place",
@@ -46,11 +46,11 @@ def _with_modulus(study: Study, at: pd.DataFrame, change: np.ndarray) -> Study:
     """Return the study with the boxes' relative changes (G,) of modulus."""
     geometry = study.mechanics.effects.geometry
     others = [patch.model_dump() for patch in geometry.patches]
-    own = [
-        box_at(study, shape) | {"factor": float(max(1 + a, 0.05))}  # the linear map knows no bound
-        for shape, a in zip(at.to_dict("records"), change)
+    changed = [
+        box_at(study, hyperparameters) | {"factor": float(max(1 + a, 0.05))}  # the linear map knows no bound
+        for hyperparameters, a in zip(at.to_dict("records"), change)
     ]
-    return with_keys(unmirrored(study), geometry={"patches": [*others, *own]})
+    return with_keys(unmirrored(study), geometry={"patches": [*others, *changed]})
 
 
 FREE_FORM = FreeForm("modulus_map", module, derivatives=(BOX,))

@@ -11,7 +11,7 @@ from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers, skin_layer, with_keys
 from gelforge.mismatch.evidence.kernels import FreeForm, Module
 from gelforge.mismatch.evidence.screen import Candidate
-from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters, Parameter
 from gelforge.mismatch.model.places import FirstOrder
 from gelforge.mismatch.model.solver_effects import has_none_of
 
@@ -19,7 +19,7 @@ TERMS = ("c2", "c3")
 WIDTH = 0.5  # of each: the stress per strain at I1 - 3 = 0.5, a stretch of 1.4, differs by half (judgement)
 
 
-def shapes(study: Study) -> list[Shape]:
+def grid(study: Study) -> list[Hyperparameters]:
     """Return the terms of the layers under the skin, and of the skin."""
     parts = ["gel", "skin"] if len(study.sensor.layers) > 1 else ["gel"]
     return [{"part": part, "term": term} for part in parts for term in TERMS]
@@ -36,9 +36,13 @@ def with_terms(study: Study, part: str, terms: dict[str, float]) -> Study:
     return with_keys(study, material={"energy_correction": more})
 
 
-def _to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-    (a,) = amounts
-    return with_terms(study, str(shape["part"]), {str(shape["term"]): float(a)}) if a else study
+def _to_study(study: Study, hyperparameters: Hyperparameters, theta: Sequence[float]) -> Study:
+    (a,) = theta
+    return (
+        with_terms(study, str(hyperparameters["part"]), {str(hyperparameters["term"]): float(a)})
+        if a
+        else study
+    )
 
 
 TERM = Effect(
@@ -46,16 +50,19 @@ TERM = Effect(
     family="material",
     parameters=(Parameter("coefficient", "1", WIDTH, (-5.0, 5.0), "width and bounds: judgement"),),
     to_study=_to_study,
-    to_forces=FirstOrder("energy_term", scanned=shapes),
-    shapes=lambda context: shapes(context.study),
+    to_forces=FirstOrder("energy_term", scanned=grid),
+    grid=lambda context: grid(context.study),
     applies=lambda study: has_none_of("material.linear_law")(study) and study.mechanics.strain == "finite",
 )
 
 
 def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     """Return the change of dW/dI1 over that of the undeformed state, by part; changes: by each term."""
-    parts = list(dict.fromkeys(str(one.shape["part"]) for one in changes))
-    by_term = {(str(one.shape["part"]), str(one.shape["term"])): one.columns[:, 0] for one in changes}
+    parts = list(dict.fromkeys(str(one.hyperparameters["part"]) for one in changes))
+    by_term = {
+        (str(one.hyperparameters["part"]), str(one.hyperparameters["term"])): one.columns[:, 0]
+        for one in changes
+    }
     if not parts or len(by_term) < len(parts) * len(TERMS):
         return None
     keys = [(part, term) for part in parts for term in TERMS]
@@ -63,7 +70,7 @@ def module(context: Context, changes: Sequence[Candidate]) -> Module | None:
     maps, basis = [], []
     for part in parts:
         maps.append(pd.DataFrame({"quantity": f"{part}'s dW/dI1", "I1_less_3": at}))
-        basis.append([[_slope(x, term) if own == part else 0.0 for own, term in keys] for x in at])
+        basis.append([[_slope(x, term) if of_term == part else 0.0 for of_term, term in keys] for x in at])
     basis_of_terms = np.concatenate([np.array(rows) for rows in basis])
     return Module(
         words="the strain energy at larger strain",
@@ -91,7 +98,9 @@ def _with_energy(
     """Return the study with the terms that make a map (G,)."""
     terms, *_ = np.linalg.lstsq(basis, map_, rcond=None)  # exact: the map is made of them
     for part in parts:
-        study = with_terms(study, part, {term: a for (own, term), a in zip(keys, terms) if own == part})
+        study = with_terms(
+            study, part, {term: a for (of_term, term), a in zip(keys, terms) if of_term == part}
+        )
     return study
 
 

@@ -97,8 +97,8 @@ def _as_known(study: Study, eye: CameraView) -> CameraView:
     for known in study.mismatch.known:
         effect = CATALOGUE[known.effect]
         if effect.to_camera is not None:
-            amounts = [known.amounts.get(p.name, 0.0) for p in effect.parameters]
-            camera = effect.to_camera(study, camera, amounts)
+            theta = [known.parameters.get(p.name, 0.0) for p in effect.parameters]
+            camera = effect.to_camera(study, camera, theta)
     return replace(eye, camera=camera)
 
 
@@ -153,7 +153,7 @@ def _observations(forces: Observations, seen: Sequence[FlowObservation], shown: 
     more |= {name: getattr(forces, name)[numbers] for name in PRESS_FIELDS}
     more |= {"force": np.column_stack([flow, nothing]), "noise_N": np.column_stack([noise, nothing])}
     more |= {"repeats": np.full(len(table), np.inf), "tails": np.ones(len(table))}
-    arrays: dict[str, Any] = {name: joined(name, own) for name, own in more.items()}
+    arrays: dict[str, Any] = {name: joined(name, columns_of) for name, columns_of in more.items()}
     return replace(forces, table=pd.concat([of_force, table], ignore_index=True), **arrays)
 
 
@@ -168,9 +168,11 @@ def _candidates(
     candidates = []
     for candidate in problem.candidates:
         effect = effects[candidate.name]
-        shapes = [dict(shape) for shape in effect.shapes(model.base.context)]
+        grid = [dict(hyperparameters) for hyperparameters in effect.grid(model.base.context)]
         try:
-            change = model.columns(effect, candidate.shape, shapes.index(dict(candidate.shape)))
+            change = model.columns(
+                effect, candidate.hyperparameters, grid.index(dict(candidate.hyperparameters))
+            )
         except FlowUnknown as missing:
             failed.setdefault(str(missing), "its flow in the images could not be computed")
             continue
@@ -213,7 +215,7 @@ def _forces_with(channel: FlowChannel, rows: Rows, effects: Mapping[str, Effect]
         more: Sequence[np.ndarray | float] = [0.0] * len(model.seen)
         if studied:
             try:
-                more = model.solved([(effects[part.name], part.shape, a) for part, a in studied])
+                more = model.solved([(effects[part.name], part.hyperparameters, a) for part, a in studied])
             except VirtualLabError:
                 linear += studied
         change = np.zeros(channel.base.shape)

@@ -82,10 +82,12 @@ def flow_covariance(problem: Problem, model: FlowModel, rows: Rows, labels: pd.D
     flow_alone = np.column_stack([*(rows.flat(change) for change in _doubts(model)), regions])
     shared = [[common.directions, np.zeros((n, flow_alone.shape[1]))], [laws, flow_alone]]
 
-    def both(group: np.ndarray, force: np.ndarray, own: np.ndarray, flow: np.ndarray | None = None) -> Draws:
+    def both(
+        group: np.ndarray, force: np.ndarray, flow_group: np.ndarray, flow: np.ndarray | None = None
+    ) -> Draws:
         """Return draws of the forces in groups (n,) and, in groups (f,), of the flow; none of it by default."""
         flow = np.zeros((f, force.shape[1])) if flow is None else flow
-        return Draws(np.concatenate([group, own]).astype(int), np.vstack([force, flow]))
+        return Draws(np.concatenate([group, flow_group]).astype(int), np.vstack([force, flow]))
 
     def joined(column: str, group: np.ndarray) -> np.ndarray:
         """Return the groups of the flow as those (n,) of the forces at its site or of its press."""
@@ -113,13 +115,13 @@ def scatter_of(drawn: np.ndarray, shown: np.ndarray) -> Scatter:
     K, base = drawn.shape[1], drawn.mean(axis=1, keepdims=True)
     off, size = drawn - base, np.sum(base**2, axis=(0, 3))  # (F, K, m, 2), (1, m)
     share = np.sum(off * base, axis=(0, 3)) / np.maximum(size, np.finfo(float).tiny)  # (K, m)
-    own = off - share[None, :, :, None] * base
+    apart_from_base = off - share[None, :, :, None] * base
     freedom = (1 + 1 / K) / (K - 1)  # K placements about their mean, and the real one
     spread = np.sqrt(freedom * np.sum(share**2 * size) / max(np.sum(size), np.finfo(float).tiny))
     return Scatter(
         shared=spread * base[:, 0],
         correlation=_correlation(share, np.where(shown, np.sqrt(size[0]), 0.0)),
-        rest=np.sqrt(freedom * _smoothed(np.sum(own**2, axis=1))),
+        rest=np.sqrt(freedom * _smoothed(np.sum(apart_from_base**2, axis=1))),
     )
 
 

@@ -95,7 +95,7 @@ class Particles:
         """Return the first placements alone."""
         return Particles(self.placed[:count], self.diameter_mm)
 
-    def each(self, field: np.ndarray) -> list[np.ndarray]:
+    def by_point(self, field: np.ndarray) -> list[np.ndarray]:
         """Return a quantity (sum of P, ...) of all points by placement."""
         return np.split(field, np.cumsum([len(p) for p in self.placed])[:-1])
 
@@ -208,9 +208,9 @@ def seen_flows(
             continue
         name = recording.session.session
         for (press, depth), images in rows.groupby(["press", "depth_mm"], sort=False):
-            own = held[(held["press"] == f"{name}/{press}") & np.isclose(held["depth_mm"], depth)]
-            if len(own):
-                one = Pictured(recording, str(press), own.iloc[-1], tuple(images["image"]))
+            matching = held[(held["press"] == f"{name}/{press}") & np.isclose(held["depth_mm"], depth)]
+            if len(matching):
+                one = Pictured(recording, str(press), matching.iloc[-1], tuple(images["image"]))
                 by_site.setdefault(int(one.row["site"]), []).append(one)
     if not by_site:
         return []
@@ -301,7 +301,7 @@ class Scene:
         particles are the same, at the same places of the image: they differ as particles move by their heights, and cover
         one another.
         """
-        fields = self.particles.each(moved)
+        fields = self.particles.by_point(moved)
         differences = []
         for k, (search, points, field_of) in enumerate(zip(self.searches, self.particles.placed, fields)):
             drawn = region_means(search(self._picture(points + field_of, k, 1)))

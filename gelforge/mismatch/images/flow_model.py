@@ -34,7 +34,7 @@ from gelforge.mismatch.images.flow_images import (
     mean_motion_slope,
     motion_field,
 )
-from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.effect import Effect, Hyperparameters
 from gelforge.mismatch.model.images_of_presses import inverse, solved_for_all
 from gelforge.mismatch.model.places import FirstOrder
 from gelforge.recording.imaging.flow import Flow
@@ -113,7 +113,7 @@ def moved_by(task: tuple[Solver, Study, PlannedCell, Mapping[str, Variation]]) -
     return Moved(kept["nodes"], kept["boxes"], kept["base"], along)
 
 
-def each_moved(
+def motions_of(
     solver: Solver, study: Study, planned: Sequence[PlannedCell], asked: Sequence[Asked] | None = None
 ) -> list[Moved]:
     """Return how each indentation moves the gel in a study, mirror images carried. Raises NotConverged.
@@ -208,7 +208,7 @@ class FlowModel:
         return self._means([0.0] * len(self.seen), self.eyes)
 
     @cached_property
-    def found(self) -> np.ndarray:
+    def share_found(self) -> np.ndarray:
         """Return what part (F, 1, 1) of the mean motion the search finds at each indentation."""
         drawn = self.drawn.mean(axis=1)
         both, square = drawn * self.mean, self.mean**2
@@ -218,13 +218,13 @@ class FlowModel:
         """Return the change of the flow (F, m, 2) [px] if the highest particles count by a share more, the lowest less."""
         z = self.even[:, 2]
         counts = 1 + share * (2 * (z - z.min()) / np.ptp(z) - 1)
-        return self.found * (self._means([0.0] * len(self.seen), self.eyes, counts) - self.mean)
+        return self.share_found * (self._means([0.0] * len(self.seen), self.eyes, counts) - self.mean)
 
     def change(
         self, more: Sequence[np.ndarray | float], eyes: Sequence[CameraView] | None = None
     ) -> np.ndarray:
         """Return the change of the flow (F, m, 2) [px] by further displacements (Q, 3) of the even points, or other eyes."""
-        return self.found * (self._means(more, eyes or self.eyes) - self.mean)
+        return self.share_found * (self._means(more, eyes or self.eyes) - self.mean)
 
     def _means(
         self,
@@ -244,13 +244,13 @@ class FlowModel:
         if lacking or not (key in self.known or key.startswith("law ")):
             raise FlowUnknown(key)
         nothing = np.zeros(self.mean.shape[1:])
-        return self.found * np.stack([one.along.get(key, nothing) for one in self.motions])
+        return self.share_found * np.stack([one.along.get(key, nothing) for one in self.motions])
 
     def slope(self, step_mm: float = 0.05) -> np.ndarray:
         """Return d flow / d depth (F, m, 2) [px/mm], over a step."""
         return -self.change([-step_mm * one.per_depth for one in self.motions]) / step_mm
 
-    def columns(self, effect: Effect, shape: Shape, number: int) -> np.ndarray:
+    def columns(self, effect: Effect, hyperparameters: Hyperparameters, number: int) -> np.ndarray:
         """Return the change of the flow (F, m, 2, P) [px per unit] by each value of an effect. Raises FlowUnknown."""
         if effect.to_camera is not None:
             steps = [effect.unit_step(k, 1.0) for k in range(len(effect.parameters))]
@@ -261,9 +261,9 @@ class FlowModel:
             )
         if isinstance(effect.to_forces, FirstOrder):
             return np.stack([self.change_along(key) for key in effect.to_forces.keys(number)], axis=-1)
-        return self._by_parts(effect, shape)
+        return self._by_parts(effect, hyperparameters)
 
-    def _by_parts(self, effect: Effect, shape: Shape) -> np.ndarray:
+    def _by_parts(self, effect: Effect, hyperparameters: Hyperparameters) -> np.ndarray:
         """Return the change of the flow (F, m, 2, P) [px per unit] by an effect that is made of others' derivatives.
 
         Its share of each derivative is that of the force at the indentation; others move nothing while the stage waits.
@@ -278,7 +278,9 @@ class FlowModel:
             size = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny)
             for k in range(len(effect.parameters)):
                 step = effect.unit_step(k, UNIT)
-                change = (effect.to_forces(alone, shape, alone.force, step) - alone.force)[rows] / step[k]
+                change = (effect.to_forces(alone, hyperparameters, alone.force, step) - alone.force)[
+                    rows
+                ] / step[k]
                 share = np.sum(change * along, axis=1) / size
                 if share.any():
                     columns[..., k] += share[:, None, None] * self.change_along(key)
@@ -289,22 +291,22 @@ class FlowModel:
         return [replace(eye, camera=self._camera_with(eye.camera, cameras)) for eye in self.eyes]
 
     def _camera_with(self, camera: Camera, cameras: Sequence[tuple[Effect, np.ndarray]]) -> Camera:
-        for effect, amounts in cameras:
+        for effect, theta in cameras:
             assert effect.to_camera is not None
-            camera = effect.to_camera(self.solver.study, camera, tuple(amounts))
+            camera = effect.to_camera(self.solver.study, camera, tuple(theta))
         return camera
 
-    def solved(self, studied: Sequence[tuple[Effect, Shape, np.ndarray]]) -> list[np.ndarray]:
+    def solved(self, studied: Sequence[tuple[Effect, Hyperparameters, np.ndarray]]) -> list[np.ndarray]:
         """Return the further displacement (Q, 3) of the even points at each indentation with effects of the finite elements.
 
         Raises NotConverged.
         """
         study = self.solver.study
-        for effect, shape, amounts in studied:
+        for effect, hyperparameters, theta in studied:
             if effect.to_study is not None:
-                study = effect.to_study(study, shape, tuple(amounts))
+                study = effect.to_study(study, hyperparameters, tuple(theta))
         solver = replace(self.solver, study=study)
-        moved = each_moved(solver, solver.coarse, [one.planned for one in self.motions])
+        moved = motions_of(solver, solver.coarse, [one.planned for one in self.motions])
         return [
             one.at(one.weights(self.even))[motion.step] - motion.coarse
             for one, motion in zip(moved, self.motions)
@@ -335,8 +337,8 @@ def flow_model(
         deepest = max(p.row["depth_mm"] for p in seen if int(p.row["site"]) == site)
         planned.append(replace(whole, depths_mm=tuple(d for d in whole.depths_mm if d <= deepest + 1e-6)))
     try:
-        fine = each_moved(solver, solver.study, planned)
-        coarse = each_moved(solver, solver.coarse, planned, asked)
+        fine = motions_of(solver, solver.study, planned)
+        coarse = motions_of(solver, solver.coarse, planned, asked)
     except NotConverged as failure:
         raise SolverFailed(
             f"the gel's motion at an indentation with images does not converge {failure}"

@@ -42,7 +42,7 @@ class Modelled:
     probability: float  # of its cause, by all readings
 
     @property
-    def beside(self) -> bool:
+    def with_effects(self) -> bool:
         """Return whether it acts with fitted effects; else alone."""
         return self.fit is not None
 
@@ -76,7 +76,7 @@ def modelled(
     for the caller to ask (`held`).
     """
     labels, priors = problem.labels, log_priors(tried)
-    every, base = np.ones(len(labels), bool), _Beside.of(problem, fit, left)
+    every, base = np.ones(len(labels), bool), _LinearFit.of(problem, fit, left)
 
     def weight(kernel: Kernel) -> float:
         evidence = [base.learnt_by(scale * kernel.directions, every)[0] for scale in SCALES]
@@ -85,20 +85,22 @@ def modelled(
     kernel = max((one for one in tried if one.groups is None), key=weight)
     D, none = kernel.directions, kernel.directions[:, :0]
     columns, p = np.column_stack([base.columns, D]), base.columns.shape[1]
-    (mean_without, without), (mean_with, spread) = (base.posterior(own, blocks.train) for own in (none, D))
+    (mean_without, without), (mean_with, spread) = (
+        base.posterior(directions, blocks.train) for directions in (none, D)
+    )
     before, after = base.left - base.columns @ mean_without, base.left - columns @ mean_with
     predictions = (
         Prediction(before, base.covariance, base.columns, without),
         Prediction(after, base.covariance, columns, spread),
     )
     mean, all_of = base.posterior(D, every)
-    grown, own = all_of[:p, :p] - base.posterior(none, every)[1], all_of[p:, p:]
+    grown, of_change = all_of[:p, :p] - base.posterior(none, every)[1], all_of[p:, p:]
     return Modelled(
         kernel=kernel,
         mean=mean[p:],
-        covariance=own,
+        covariance=of_change,
         change=D @ mean[p:],
-        spread=np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", D, own, D), 0.0)),
+        spread=np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", D, of_change, D), 0.0)),
         left=after,
         rest=base.left - columns @ mean,
         held=held_out_of(problem, blocks, *predictions)[0],
@@ -108,16 +110,16 @@ def modelled(
 
 
 @dataclass(frozen=True, eq=False)
-class _Beside:
+class _LinearFit:
     """Fitted effects, linear about their fit, next to which a smooth change is learnt; or none."""
 
     left: np.ndarray  # (n,) [N] what the fit leaves
     covariance: Covariance
-    columns: np.ndarray  # (n, p) of the fit's amounts that are not switched on, in units of their priors
-    free: np.ndarray  # (p,) numbers of these among all amounts
+    columns: np.ndarray  # (n, p) of the fit's values that are not switched on, in units of their priors
+    free: np.ndarray  # (p,) numbers of these among all values
 
     @classmethod
-    def of(cls, problem: Problem, fit: Refitted | None, left: np.ndarray | None) -> _Beside:
+    def of(cls, problem: Problem, fit: Refitted | None, left: np.ndarray | None) -> _LinearFit:
         if fit is None or left is None:
             columns = np.zeros((len(problem.labels), 0))
             return cls(problem.residual, problem.covariance, columns, np.zeros(0, int))
@@ -127,12 +129,12 @@ class _Beside:
         return cls(left, uncertain, fit.columns[:, free] * fit.prior_sd[free], free)
 
     def moved(self, fit: Refitted, step: np.ndarray, grown: np.ndarray) -> Refitted:
-        """Return the fit with its amounts a step (p,) further and their covariance grown by (p, p), in units of priors."""
-        amounts, spread, prior_sd = np.concatenate(fit.amounts), fit.spread.copy(), fit.prior_sd[self.free]
-        amounts[self.free] += prior_sd * step
+        """Return the fit with its values a step (p,) further and their covariance grown by (p, p), in units of priors."""
+        theta, spread, prior_sd = np.concatenate(fit.theta), fit.spread.copy(), fit.prior_sd[self.free]
+        theta[self.free] += prior_sd * step
         spread[np.ix_(self.free, self.free)] += prior_sd[:, None] * grown * prior_sd
-        ends = np.cumsum([len(a) for a in fit.amounts])[:-1]
-        return replace(fit, amounts=tuple(np.split(amounts, ends)), spread=spread)
+        ends = np.cumsum([len(a) for a in fit.theta])[:-1]
+        return replace(fit, theta=tuple(np.split(theta, ends)), spread=spread)
 
     def posterior(self, D: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean (p + q,) and covariance of values and coefficients, about the fit, by some entries (n,) bool.
@@ -142,13 +144,13 @@ class _Beside:
         learnt = [self.learnt_by(scale * D, mask) for scale in SCALES]
         weights = normalised({k: TEMPERING * evidence for k, (evidence, *_) in enumerate(learnt)}).values()
         units = [np.r_[np.ones(self.columns.shape[1]), np.full(D.shape[1], scale)] for scale in SCALES]
-        means = [unit * own for unit, (_, own, _) in zip(units, learnt)]
-        mean = sum(w * own for w, own in zip(weights, means))
+        means = [unit * moment for unit, (_, moment, _) in zip(units, learnt)]
+        mean = sum(w * moment for w, moment in zip(weights, means))
         spreads = [
-            np.outer(unit, unit) * own + np.outer(m - mean, m - mean)
-            for unit, m, (_, _, own) in zip(units, means, learnt)
+            np.outer(unit, unit) * moment + np.outer(m - mean, m - mean)
+            for unit, m, (_, _, moment) in zip(units, means, learnt)
         ]
-        return mean, sum(w * own for w, own in zip(weights, spreads))
+        return mean, sum(w * moment for w, moment in zip(weights, spreads))
 
     def learnt_by(self, D: np.ndarray, mask: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Return log evidence, mean and covariance of a smooth change of directions (n, q) next to the fit."""

@@ -134,20 +134,20 @@ def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
 
     What has a place changes by the same factor, least squares, at all others.
     """
-    own = [problem.tried(part) for part in fit.parts]
+    origin = [problem.tried(part) for part in fit.parts]
     columns = np.column_stack([problem.columns_at(part) for part in fit.parts])
-    amounts = np.concatenate(fit.amounts)
-    linear = columns @ amounts
+    theta = np.concatenate(fit.theta)
+    linear = columns @ theta
     white = problem.covariance.whiten(np.column_stack([linear, change]))
     if np.linalg.norm(white[:, 1] - white[:, 0]) < CURVED_SNR or not np.any(white[:, 0]):
         return problem
-    prior_sd = np.concatenate([np.broadcast_to(c.prior_sd, c.columns.shape[1]) for c in own])
-    relinearised = split(own, secant(columns, change - linear, amounts, prior_sd).T)
+    prior_sd = np.concatenate([np.broadcast_to(c.prior_sd, c.columns.shape[1]) for c in origin])
+    relinearised = split(origin, secant(columns, change - linear, theta, prior_sd).T)
     factor = float(white[:, 0] @ white[:, 1] / (white[:, 0] @ white[:, 0]))
-    placed = {c.name for c in own if "x_mm" in c.shape}
+    placed = {c.name for c in origin if c.located}
 
     def with_it(candidate: Candidate) -> Candidate:
-        for part, one, new in zip(fit.parts, own, relinearised):
+        for part, one, new in zip(fit.parts, origin, relinearised):
             if candidate is one and part.moved_from is None:
                 return replace(one, columns=new.T)
         return (
@@ -168,11 +168,11 @@ def _next(
     ranked = [effects for effects in posterior.ranked() if effects not in failed]
     if not ranked or ranked[0] not in fits:
         return ranked[0] if ranked else None
-    own, best = posterior.lines_of(ranked[0]), posterior.weight(ranked[0])
+    lines, best = posterior.lines_of(ranked[0]), posterior.weight(ranked[0])
     for other in ranked[1:]:
         if posterior.weight(other) < best - COMPETITOR:
             return None
-        if not own <= posterior.lines_of(other):
+        if not lines <= posterior.lines_of(other):
             return None if other in fits else other
     return None
 
@@ -193,11 +193,11 @@ def _with_fits(
     }
     for effects in [*evidence]:
         known = frozenset(effects & posterior.singles.keys())
-        beside = evidence[effects] - posterior.evidence.get(known, 0.0) if known != effects else 0.0
+        more = evidence[effects] - posterior.evidence.get(known, 0.0) if known != effects else 0.0
         if known in fits:
-            evidence[effects] = fits[known].log_bayes_factor + beside
+            evidence[effects] = fits[known].log_bayes_factor + more
         elif known in first.evidence and posterior.lines_of(known) in gained:
-            evidence[effects] = first.evidence[known] + gained[posterior.lines_of(known)] + beside
+            evidence[effects] = first.evidence[known] + gained[posterior.lines_of(known)] + more
     return replace(
         posterior,
         sets={effects: one for effects, one in sets.items() if effects not in failed},
@@ -253,7 +253,7 @@ def chosen_sites(problem: Problem, linear: np.ndarray, parts: Sequence[Candidate
     size = np.sqrt(np.bincount(site, (linear**2).sum(axis=1), len(problem.observations.sites)))
     observable = np.flatnonzero(size > OBSERVABLE * size.max())
     places = problem.observations.sites[observable]
-    if all("x_mm" not in part.shape and problem.effects[part.name].turned is unturned for part in parts):
+    if all(not part.located and problem.effects[part.name].turned is unturned for part in parts):
         folded = np.sort(np.abs(places - places.mean(axis=0)).round(3), axis=1)
         _, first = np.unique(folded, axis=0, return_index=True)
         observable, places = observable[first], folded[first]
@@ -275,15 +275,17 @@ def placed(problem: Problem, real: Problem) -> tuple[Problem, str]:
         change = problem.observations.flat(forces_of(real, fit) - problem.base)
     except (NotConverged, ConfigError) as failure:
         return problem, f"{start.name.replace('_', ' ')} could not be placed: {failure}"
-    ((part,), (amounts,)) = fit.parts, fit.amounts
-    if part.moved_from is None or not np.any(amounts):
+    ((part,), (theta,)) = fit.parts, fit.theta
+    if part.moved_from is None or not np.any(theta):
         return problem, ""
-    own, (amount,) = problem.tried(part), amounts
-    there = replace(part, columns=change[:, None] / amount, prior_sd=own.prior_sd)
-    return replace(problem, candidates=[there if one is own else one for one in problem.candidates]), ""
+    there_tried, (value,) = problem.tried(part), theta
+    there = replace(part, columns=change[:, None] / value, prior_sd=there_tried.prior_sd)
+    return replace(
+        problem, candidates=[there if one is there_tried else one for one in problem.candidates]
+    ), ""
 
 
 def _is_strong_defect(problem: Problem, one: Screened) -> bool:
     """Return whether a single effect has a place, is solved, and is seen clearly."""
     (part,) = one.parts
-    return "x_mm" in part.shape and problem.solves(part) and one.snr > STRONG_SNR
+    return part.located and problem.solves(part) and one.snr > STRONG_SNR

@@ -132,8 +132,8 @@ def held_out_of(problem: Problem, blocks: Blocks, before: Prediction, after: Pre
     for name, mask in {"all": blocks.held_out, **blocks.held}.items():
         if not mask.any():
             continue
-        own = [np.sum([*one.values()], axis=0) if name == "all" else one[name] for one in scores]
-        total, error = gain(*own)
+        summed = [np.sum([*one.values()], axis=0) if name == "all" else one[name] for one in scores]
+        total, error = gain(*summed)
         errors = (score(problem.labels, one.left, mask & problem.of_force) for one in (before, after))
         held.append(
             HeldOut(block=name, before=next(errors), after=next(errors), gain=total, standard_error=error)
@@ -211,7 +211,7 @@ def after_penalty(proof: Proof, problem: Problem, posterior: Posterior, train: n
 
 
 def _evidence(problem: Problem, sets: Sequence[Screened], mask: np.ndarray) -> np.ndarray:
-    """Return the log evidence (k,) of sets by some entries (n,) bool, by their linear changes at their best shapes."""
+    """Return the log evidence (k,) of sets by some entries (n,) bool, by linear changes at their best hyperparameters."""
     covariance, residual = problem.covariance.restricted(mask), problem.residual[mask]
 
     def evidence(one: Screened) -> float:

@@ -89,7 +89,7 @@ def explained(
     if mode is None:
         return None, before, notes
     problem, posterior = fits.problem, fits.posterior
-    stage("amounts of the answer at their plausible widths")
+    stage("values of the answer at their plausible widths")
     fit, note = _at_prior_sd(real, problem, posterior.sets[mode], fits.fits[mode])
     notes += [note] if note else []
     after = forces_of(problem, fit)
@@ -124,7 +124,7 @@ def _at_prior_sd(
     tried its columns are but interpolated.
     """
     parts = tuple(replace(part, prior_sd=relinearised.tried(part).prior_sd) for part in fit.parts)
-    again = replace(start, parts=parts, amounts=np.concatenate(fit.amounts))
+    again = replace(start, parts=parts, theta=np.concatenate(fit.theta))
     try:
         if any(part.moved_from is not None and relinearised.tried(part).moved_from is None for part in parts):
             every = np.ones(len(problem.labels), bool)
@@ -151,9 +151,9 @@ def averaged(posterior: Posterior, mode: Effects, fit: Refitted) -> Refitted:
     """
     spread, at = fit.spread.copy(), 0
     values = {effects: one.by_name for effects, one in posterior.sets.items()}
-    for part, amounts in fit.terms:
-        rows = slice(at, at + len(amounts))
-        at += len(amounts)
+    for part, theta in fit.terms:
+        rows = slice(at, at + len(theta))
+        at += len(theta)
         if not (part.binary or part.moved_from is not None):
             others = [effects for effects in posterior.sets if part.name in effects]
             chance = np.array([posterior.probability[effects] for effects in others])[:, None]
@@ -183,10 +183,10 @@ def _difference(
 
     Signal over noise, and root mean square [N], by linear changes. Sets that were not weighed are compared alone.
     """
-    own, instead = posterior.sets.get(effects), posterior.sets.get(effects - {name} | {other})
-    if own is None or instead is None:
-        own, instead = posterior.singles[name], posterior.singles[other]
-    difference = own.change - instead.change
+    leading, rival = posterior.sets.get(effects), posterior.sets.get(effects - {name} | {other})
+    if leading is None or rival is None:
+        leading, rival = posterior.singles[name], posterior.singles[other]
+    difference = leading.change - rival.change
     return (
         float(np.linalg.norm(problem.covariance.whiten(difference))),
         float(np.sqrt(np.mean(difference[problem.of_force] ** 2))),
@@ -247,7 +247,7 @@ def judge(problem: Problem, settings: Mismatch, seed: int) -> Judgement:
     if blocks.held_out.any() and (answer is None or out or _wanting(posterior, answer)):
         stage("a model of what no known effect explains")
         model = _modelled(problem, kernels, blocks, None if out else answer, posterior.causes)
-        answer = answer if out else _beside_cause(problem, answer, model)
+        answer = answer if out else _next_to_cause(problem, answer, model)
     state = _state(posterior, answer, out, model)
     return Judgement(state, blocks, mismatch, posterior, answer, model, tuple(notes), out)
 
@@ -274,11 +274,11 @@ def _modelled(
     model = modelled(problem, kernels, blocks, chances=chances)
     if answer is not None and answer.sure and not _of_one_cause(model, answer):
         left = problem.observations.flat(problem.observations.force - answer.after)
-        beside = modelled(problem, kernels, blocks, answer.fit, left, chances)
-        both = problem.covariance.whiten(np.column_stack([beside.change, problem.residual - left]))
-        more, own = np.linalg.norm(both, axis=0)
-        if more < own or beside.sure:
-            model = beside
+        joint = modelled(problem, kernels, blocks, answer.fit, left, chances)
+        both = problem.covariance.whiten(np.column_stack([joint.change, problem.residual - left]))
+        more, explained = np.linalg.norm(both, axis=0)
+        if more < explained or joint.sure:
+            model = joint
     return model if model.held.shown else None
 
 
@@ -287,9 +287,9 @@ def _of_one_cause(model: Modelled, answer: Answer) -> bool:
     return all(set(model.kernel.form_of) & {*group.names} for group in answer.sure)
 
 
-def _beside_cause(problem: Problem, answer: Answer | None, model: Modelled | None) -> Answer | None:
-    """Return an answer whose effects have the amounts that they have next to a cause that is sure, if these are physical."""
-    if answer is None or model is None or not (model.sure and model.beside):
+def _next_to_cause(problem: Problem, answer: Answer | None, model: Modelled | None) -> Answer | None:
+    """Return an answer whose effects have the values that they have next to a cause that is sure, if these are physical."""
+    if answer is None or model is None or not (model.sure and model.with_effects):
         return answer
     if model.fit is None or not in_range(problem, model.fit):
         return answer
@@ -324,8 +324,8 @@ def _state(posterior: Posterior, answer: Answer | None, out: bool, model: Modell
         return "identified"
     if answer is None or out:
         return "unexplained"
-    adequate = answer.adequacy.p > LEFT_P or (model is not None and model.beside)
-    if answer.sure and adequate and (model is None or model.beside):
+    adequate = answer.adequacy.p > LEFT_P or (model is not None and model.with_effects)
+    if answer.sure and adequate and (model is None or model.with_effects):
         return "identified"
     if model is not None or not adequate or posterior.holding([UNKNOWN]) > 0.5:
         return "unexplained"

@@ -64,7 +64,7 @@ class Linear:
         """Return candidate (K,) and scale (K,) of all choices that the readings show: one per scale, of a switch one."""
         squares = np.bincount(self.owner, np.diag(self.gram), len(self.candidates))
         scales = [(1.0,) if on else SCALES for on in self.binary]
-        number = np.repeat(np.arange(len(scales)), [len(own) for own in scales])
+        number = np.repeat(np.arange(len(scales)), [len(of_one) for of_one in scales])
         shown = (np.sqrt(squares) > OBSERVABLE_SNR)[number]
         return number[shown], np.concatenate(scales)[shown]
 

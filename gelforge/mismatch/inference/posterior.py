@@ -1,8 +1,8 @@
 """The posterior over sets of effects: nothing, every one, every pair, triples by beam, and a discrepancy next to some.
 
 All readings are used and nothing is solved: sets are judged by the stored linear changes of their effects. A set's evidence
-is averaged over the shapes of its effects and over scales of their plausible values. Of the sets within reach of the best
-the errors of their own changes (form, mesh, place) are then allowed for, each at its best shapes and scales.
+is averaged over hyperparameters of its effects and scales of their plausible values. Of the sets within reach of the best
+the errors of their own changes (form, mesh, place) are then allowed for, each at its best hyperparameters and scales.
 
 At most one effect of a set has a place: two or three defects on a coarse grid of places imitate one that lies between them.
 """
@@ -26,13 +26,13 @@ from gelforge.mismatch.inference.linear import Linear
 from gelforge.mismatch.result.verdict import Group
 from gelforge.mismatch.thresholds import (
     BEAM,
-    BESIDE,
     CREDIBLE,
     FORM_ERRORS,
     MOST_WITH_ERROR,
     NOTICED,
     OBSERVABLE_SNR,
     REACH,
+    SETS_WITH_DISCREPANCY,
     TEMPERING,
 )
 from gelforge.progress import Progress
@@ -44,7 +44,9 @@ Effects = frozenset[str]
 class Posterior:
     """How probable sets of effects are."""
 
-    sets: Mapping[Effects, Screened]  # known sets, at their best shapes and scales; parts have all entries
+    sets: Mapping[
+        Effects, Screened
+    ]  # known sets, at their best hyperparameters and scales; parts have all entries
     singles: Mapping[str, Screened]  # every effect that the readings can show, alone
     evidence: Mapping[Effects, float]  # log, against nothing; with UNKNOWN next to some
     unknown: Mapping[Effects, Weighed]  # next to what
@@ -73,13 +75,13 @@ class Posterior:
     def holding(self, names: Iterable[str]) -> float:
         """Return the probability that one of some effects at least is part of what is missing, in its form or a free one."""
         wanted = set(names)
-        own = sum(p for effects, p in self.probability.items() if effects & wanted)
+        named = sum(p for effects, p in self.probability.items() if effects & wanted)
         free = sum(
             self.probability[effects | {UNKNOWN}] * one.share_of(wanted)
             for effects, one in self.unknown.items()
             if not effects & wanted
         )
-        return float(min(own + free, 1.0))
+        return float(min(named + free, 1.0))
 
     @cached_property
     def kernels(self) -> dict[str, float]:
@@ -140,7 +142,7 @@ class Posterior:
             alternatives=[one for one in others if one not in line],
             probability=self.holding(line & set(members)),
             set_probability=self.holding(members),
-            shares={one: own / total for one, own in chance.items()},
+            shares={one: p / total for one, p in chance.items()},
         )
 
 
@@ -159,7 +161,7 @@ def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
         lines = indistinguishable(problem.covariance, singles)
         known = Posterior(sets, singles, evidence, {}, len(singles), lines)
         unknown = {NOTHING: weighed_unknown(problem, kernels)}
-        for effects in known.ranked()[:BESIDE]:
+        for effects in known.ranked()[:SETS_WITH_DISCREPANCY]:
             unknown[effects] = weighed_unknown(problem, kernels, sets[effects])
         for effects, discrepancy in unknown.items():
             evidence[effects | {UNKNOWN}] = evidence.get(effects, 0.0) + discrepancy.log_bayes_factor
@@ -168,7 +170,7 @@ def posterior_of(problem: Problem, kernels: Sequence[Kernel]) -> Posterior:
 
 
 class Best(NamedTuple):
-    """Log evidence of a set of effects, averaged over choices of shapes and scales and at the best one, and that choice."""
+    """Log evidence of a set of effects, averaged over hyperparameters and scales, at the best choice, and that choice."""
 
     effects: Effects
     average: float
@@ -184,7 +186,7 @@ def set_tables(linear: Linear) -> list[Best]:
         return []
     one_effect = _by_effects(linear, number[:, None], scale[:, None])
     names = np.array([candidate.name for candidate in linear.candidates])[number]
-    located = np.array(["x_mm" in candidate.shape for candidate in linear.candidates])
+    located = np.array([candidate.located for candidate in linear.candidates])
     placed, pairs = located[number], np.column_stack(np.triu_indices(len(number), 1))
     pairs = pairs[(names[pairs[:, 0]] != names[pairs[:, 1]]) & ~placed[pairs].all(axis=1)]
     if not len(pairs):
@@ -196,10 +198,10 @@ def set_tables(linear: Linear) -> list[Best]:
         if not len(third):
             continue
         numbers, scales = (
-            np.column_stack([np.tile(own, (len(third), 1)), every[third]])
-            for own, every in ((pair.number, number), (pair.scale, scale))
+            np.column_stack([np.tile(of_pair, (len(third), 1)), every[third]])
+            for of_pair, every in ((pair.number, number), (pair.scale, scale))
         )
-        # The choice of the two's shapes and scales is paid for once.
+        # The choice of the two's hyperparameters and scales is paid for once.
         for one in _by_effects(linear, numbers, scales, pair.average - pair.best):
             if one.effects not in three or three[one.effects].average < one.average:
                 three[one.effects] = one
@@ -272,14 +274,14 @@ def weighed(problem: Problem) -> list[Screened]:
 def with_form_errors(problem: Problem, judged: Screened) -> Screened:
     """Return a set judged with the errors of its own change, at the best of FORM_ERRORS.
 
-    Its evidence is averaged over these. Judged without errors, at its best shapes and scales; the others are taken to
-    follow.
+    Its evidence is averaged over these. Judged without errors, at its best hyperparameters and scales; the others are taken
+    to follow.
     """
     residual, exact = problem.residual, problem.covariance
     by_error = []
     for error in FORM_ERRORS:
         parts = tuple(replace(part, form_error=error) for part in judged.parts)
-        wider = problem.with_model_error(terms_of(parts, judged.amounts)).covariance
+        wider = problem.with_model_error(terms_of(parts, judged.theta)).covariance
         again = judged_under(wider, residual, parts)
         more = again.log_bayes_factor - judged.best_log_bayes_factor
         more += wider.log_density(residual) - exact.log_density(residual)

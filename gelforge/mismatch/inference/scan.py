@@ -246,5 +246,5 @@ def _with_room(problem: Problem) -> Covariance:
     kernels = kernels_of(problem)
     kernels.sort(key=lambda kernel: kernel.groups is None)  # those of each indentation before what all share
     for kernel in kernels:
-        covariance = kernel.beside(covariance, 3.0)
+        covariance = kernel.added_to(covariance, 3.0)
     return covariance

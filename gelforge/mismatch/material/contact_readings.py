@@ -36,17 +36,17 @@ def press_readings(press: IndentationTest) -> Readings:
     approach = press.in_segment(names[kinds.index("load")])
     # Hertz's depth dependence on a half space is that of any ball
     touch = contact_point(approach.position_mm, approach.force_N, press.ball_radius_mm or 1.0)
-    shape = np.maximum(approach.position_mm - touch, 0.0) ** 1.5
-    (rest, k), *_ = np.linalg.lstsq(np.column_stack([shape**0, shape]), approach.force_N, rcond=None)
+    hertz = np.maximum(approach.position_mm - touch, 0.0) ** 1.5
+    (rest, k), *_ = np.linalg.lstsq(np.column_stack([hertz**0, hertz]), approach.force_N, rcond=None)
     d = press.position_mm - touch
     deepest, timed = float(d.max()), press.time_s is not None
     time = np.asarray(press.time_s, dtype=float) if timed else np.arange(len(d), dtype=float)
     groups, segment = [], []
     for number, (name, kind) in enumerate(zip(names, kinds)):
         # rows farther from the sample only give the zero
-        own = np.flatnonzero((press.segment == name) & (d > -8 * deepest))
-        along = time[own] if kind == "hold" else np.arcsinh(8 * d[own] / deepest)
-        groups += (bins := binned(along, own, 60))
+        near = np.flatnonzero((press.segment == name) & (d > -8 * deepest))
+        along = time[near] if kind == "hold" else np.arcsinh(8 * d[near] / deepest)
+        groups += (bins := binned(along, near, 60))
         segment += [number] * len(bins)
     table = reduced(groups, segment, at=d, share=d / deepest, time_s=time).assign(
         branch=np.array(kinds)[segment],
@@ -104,14 +104,17 @@ def _drift(table: pd.DataFrame, size: float, largest: float, why: str) -> Change
     return _added("force_drift", drift, since / max(since.max(), 1e-12))
 
 
-def _added(name: str, parameter: Parameter, column: np.ndarray | float, shape=None) -> Change:
-    return Change(name, (parameter,), lambda F, a: F + a[0] * column, shape or {})
+def _added(name: str, parameter: Parameter, column: np.ndarray | float, hyperparameters=None) -> Change:
+    return Change(name, (parameter,), lambda F, a: F + a[0] * column, hyperparameters or {})
 
 
 def _no_tension(change: Change) -> Change:
     """Return relaxation for a contact without adhesion: what relaxes cannot pull."""
     return Change(
-        change.name, change.parameters, lambda F, a: np.maximum(change.apply(F, a), 0.0), change.shape
+        change.name,
+        change.parameters,
+        lambda F, a: np.maximum(change.apply(F, a), 0.0),
+        change.hyperparameters,
     )
 
 
@@ -130,8 +133,8 @@ def _adhesions(d: np.ndarray, last: np.ndarray, groups, deepest: float, push: fl
     for way in (0.5 * deepest, 2.0 * deepest):
         for height in np.unique(heights):
             pulled = means(groups, np.where(last & (d > -height), np.expm1(-(turn - d) / way), 0.0))
-            shape = {"way_mm": way, "lets_go_above_mm": float(height)}
-            changes.append(_added("adhesion", pull, pulled, shape))
+            hyperparameters = {"way_mm": way, "lets_go_above_mm": float(height)}
+            changes.append(_added("adhesion", pull, pulled, hyperparameters))
     return changes
 
 
@@ -146,8 +149,8 @@ def pair_readings(pair: ForcePair) -> Readings:
     groups, segment, parts = [], [], []
     for number, (place, rows) in enumerate(pressed_rows(pair), start=1):
         top = rows.start + int(np.argmax(mean[rows])) + 1
-        for branch, own in (("load", np.arange(rows.start, top)), ("unload", np.arange(top, rows.stop))):
-            groups += (bins := binned(mean[own], own, 8, 0.0))
+        for branch, near in (("load", np.arange(rows.start, top)), ("unload", np.arange(top, rows.stop))):
+            groups += (bins := binned(mean[near], near, 8, 0.0))
             segment += [(number, branch)] * len(bins)
             parts += [(branch, f"indentation {number}", place)] * len(bins)
     if len(groups) < 10:

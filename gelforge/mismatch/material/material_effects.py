@@ -10,7 +10,7 @@ from gelforge.materials.covariates.effects import AGE, TEMPERATURE
 from gelforge.mechanics.laws.softening import lost_share
 from gelforge.mismatch.material.material_readings import Change, Readings
 from gelforge.mismatch.material.stress_readings import Path, StressTests
-from gelforge.mismatch.model.effect import Parameter, Shape
+from gelforge.mismatch.model.effect import Hyperparameters, Parameter
 
 # Flow strains. Splitting is of second order (Strang 1968): the stress errs by less than 1e-3 where the flow's rate is at
 # most 0.1 in a row's time (measured against steps of 1e-3).
@@ -122,7 +122,7 @@ def viscoelastic(tests: StressTests) -> list[Change]:
             np.vstack([p.reduced(lost(p.time_s, P, times, p.started_s)) for p, P in of_paths]),
         )
 
-    (_, gone), own = losing(np.ones_like), table["is_base"].to_numpy()
+    (_, gone), of_base = losing(np.ones_like), table["is_base"].to_numpy()
     if np.abs(gone).max() <= 1e-6 * np.abs(base).max():
         return []
     kind, first = next(iter(tests.bases.items()))
@@ -134,24 +134,24 @@ def viscoelastic(tests: StressTests) -> list[Change]:
     held = []
     for p in tests.paths:
         strains = shares * tests.reach(p.test.test)
-        largest = np.abs(base[own & (table["test"] == p.test.test).to_numpy()]).max()
+        largest = np.abs(base[of_base & (table["test"] == p.test.test).to_numpy()]).max()
         held.append(largest * shares * p.reduced(flow(p.time_s, p.strain, p.started_s, strains, rates)))
     flows = [
         {"flow_strain": float(share * tests.reach(kind)), "flow_rate_per_s": float(rate)}
         for share, rate in zip(shares, rates)
     ]
     shapes = [losing(polynomial) for polynomial in LEGENDRE]
-    return relaxations(base, own, gone, times, shapes, np.vstack(held), flows)
+    return relaxations(base, of_base, gone, times, shapes, np.vstack(held), flows)
 
 
 def relaxations(
     base: np.ndarray,
-    own: np.ndarray,
+    of_base: np.ndarray,
     gone: np.ndarray,
     times: np.ndarray,
     shapes: Sequence[Losing] = (),
     held: np.ndarray | None = None,
-    flows: Sequence[Shape] = (),
+    flows: Sequence[Hyperparameters] = (),
 ) -> list[Change]:
     r"""Return linear relaxation and flow as quasi-linear viscoelasticity (Fung 1993, sec. 7.6), the elastic law fitted anew.
 
@@ -166,40 +166,48 @@ def relaxations(
     """
     held = np.zeros((len(base), 0)) if held is None else held
     # of each element: which share of the base it changes on average where that was fitted, and the change of all but that
-    mean = base[own] @ np.column_stack([gone, -held])[own] / (base[own] @ base[own])
+    mean = base[of_base] @ np.column_stack([gone, -held])[of_base] / (base[of_base] @ base[of_base])
     change = mean * base[:, None] - np.column_stack([gone, -held])
     rho = np.where(np.arange(len(mean)) < len(times), mean, 0.0)
     shapes = [(phi, np.column_stack([L, np.zeros_like(held)])) for phi, L in shapes]
     law = [Parameter(f"law_shape_{j + 1}", "1", 0.3, (-2.0, 2.0), OTHER_SHAPE) for j in range(len(shapes))]
 
-    def relaxing(parameters: Sequence[Parameter], spread: np.ndarray, shape: Shape) -> Change:
+    def relaxing(
+        parameters: Sequence[Parameter], spread: np.ndarray, hyperparameters: Hyperparameters
+    ) -> Change:
         def apply(P, a):
             elements = spread @ a[: len(parameters)]
             share = elements / (1 + elements @ rho)
             more = sum(c * (phi - L @ share) for c, (phi, L) in zip(a[len(parameters) :], shapes))
             return P + change @ elements + more
 
-        return Change("viscoelastic", (*parameters, *law), apply, shape)
+        return Change("viscoelastic", (*parameters, *law), apply, hyperparameters)
 
     return [relaxing(*choice) for choice in _choices(times, flows)]
 
 
 def _choices(
-    times: np.ndarray, flows: Sequence[Shape]
-) -> Iterator[tuple[tuple[Parameter, ...], np.ndarray, Shape]]:
-    """Yield values, which elements they are of (k + f, q), and shape: one element, all decades alike (stress falls with the
-    logarithm of time), a free spectrum, one element of flow, alone or with all decades.
+    times: np.ndarray, flows: Sequence[Hyperparameters]
+) -> Iterator[tuple[tuple[Parameter, ...], np.ndarray, Hyperparameters]]:
+    """Yield values, which elements they are of (k + f, q), and hyperparameters.
+
+    One element, all decades alike (stress falls with the logarithm of time), a free spectrum, one element of flow, alone or
+    with all decades.
     """
     k, unit = len(times), np.eye(len(times) + len(flows))
     decades = unit[:, :k].sum(axis=1)
-    even: Shape = {"spectrum": "all decades alike", "from_s": float(times[0]), "to_s": float(times[-1])}
+    even: Hyperparameters = {
+        "spectrum": "all decades alike",
+        "from_s": float(times[0]),
+        "to_s": float(times[-1]),
+    }
     yield from (((ONE,), unit[:, [i]], {"time_s": float(t)}) for i, t in enumerate(times))
     yield (DECADE,), decades[:, None], even
-    each = tuple(Parameter(f"share_{t:.3g}s", "1", 0.2, (0.0, 5.0), PER_DECADE) for t in times)
-    yield each, unit[:, :k], {"spectrum": "free"}
-    for i, shape in enumerate(flows, start=k):
-        yield (FLOW,), unit[:, [i]], shape
-        yield (FLOW, DECADE), np.column_stack([unit[:, i], decades]), {**shape, **even}
+    by_time = tuple(Parameter(f"share_{t:.3g}s", "1", 0.2, (0.0, 5.0), PER_DECADE) for t in times)
+    yield by_time, unit[:, :k], {"spectrum": "free"}
+    for i, hyperparameters in enumerate(flows, start=k):
+        yield (FLOW,), unit[:, [i]], hyperparameters
+        yield (FLOW, DECADE), np.column_stack([unit[:, i], decades]), {**hyperparameters, **even}
 
 
 def relaxation_times(tests: StressTests) -> np.ndarray:
@@ -213,7 +221,7 @@ def relaxation_times(tests: StressTests) -> np.ndarray:
 
 
 def of_stress(tests: StressTests) -> Readings:
-    """Return the stress tests with every effect in its shapes that changes them at all, and which cannot be seen.
+    """Return the stress tests with every effect at its hyperparameters that changes them at all, and which cannot be seen.
 
     Gain, zero of force and zero of strain of single tests are no effects: they cannot be distinguished from samples
     that differ, and are errors of the readings.
@@ -229,10 +237,10 @@ def mullins(tests: StressTests) -> list[Change]:
     most: dict[str, float] = {}
     energies = {}  # by path: now, and the largest so far
     for path in sorted(tests.paths, key=lambda p: p.test.cycle or 1):
-        own = _energy(path)
-        furthest = np.maximum.accumulate(np.maximum(own, most.get(path.test.sample, 0.0)))
+        of_base = _energy(path)
+        furthest = np.maximum.accumulate(np.maximum(of_base, most.get(path.test.sample, 0.0)))
         most[path.test.sample] = float(furthest[-1])
-        energies[id(path)] = path.reduced(np.column_stack([own, furthest]))
+        energies[id(path)] = path.reduced(np.column_stack([of_base, furthest]))
     W, largest = np.concatenate([energies[id(p)] for p in tests.paths]).T
     moving = tests.readings.table["branch"].to_numpy() != "hold"
     return softenings(W, largest) if ((largest > 1.05 * W) & moving).any() else []
@@ -281,8 +289,8 @@ def dated(tests: StressTests) -> list[Change]:
                 return P * (1 + x * (bent[:, :q] @ a[:q]))
 
             of = f"{what} of the constitutive model and relaxation"
-            shape = {"from": span[0], "to": span[1], "per": unit, "of": of}
-            changes.append(Change("ageing", (*law, LOSS), apply, shape))
+            hyperparameters = {"from": span[0], "to": span[1], "per": unit, "of": of}
+            changes.append(Change("ageing", (*law, LOSS), apply, hyperparameters))
     return changes
 
 
@@ -296,9 +304,9 @@ def temperature(tests: StressTests) -> list[Change]:
     return [factor("temperature", change, x, {"from_C": span[0], "to_C": span[1]})]
 
 
-def factor(name: str, parameter: Parameter, share: np.ndarray, shape) -> Change:
+def factor(name: str, parameter: Parameter, share: np.ndarray, hyperparameters) -> Change:
     """Return a change in proportion, by a share (n,) per unit of the parameter."""
-    return Change(name, (parameter,), lambda P, a: P * (1 + share * a[0]), shape)
+    return Change(name, (parameter,), lambda P, a: P * (1 + share * a[0]), hyperparameters)
 
 
 def _circumstance(tests: StressTests, attribute: str, negligible: float):

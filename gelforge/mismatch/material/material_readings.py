@@ -13,7 +13,7 @@ from scipy.linalg import solve_triangular
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.covariance import Covariance
 from gelforge.mismatch.inference.patterns import Atoms, Pattern
-from gelforge.mismatch.model.effect import Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Effect, Hyperparameters, Parameter
 from gelforge.mismatch.thresholds import FEW_SITES, HELD_OUT
 
 # Of a test's largest stress: the errors of a load cell of class 0.5 (ISO 7500-1:2018), and what a digitised point is off by.
@@ -67,16 +67,16 @@ class Dense(Covariance):
 
 @dataclass(frozen=True)
 class Change:
-    """An effect in one shape: what (n,) becomes of a prediction (n,) at some values (p,); 0 is no effect."""
+    """An effect at one choice of hyperparameters: what becomes of a prediction (n,) at values (p,); 0 is no effect."""
 
     name: str
     parameters: tuple[Parameter, ...]
     apply: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    shape: Shape = field(default_factory=dict)
+    hyperparameters: Hyperparameters = field(default_factory=dict)
 
     @property
     def effect(self) -> Effect:
-        """Return the effect of the catalogue with the parameters of this shape."""
+        """Return the effect of the catalogue with the parameters of this choice."""
         return replace(CATALOGUE[self.name], parameters=self.parameters, separated_by=DECIDED_BY[self.name])
 
     def scaled(self, scale: float) -> Change:
@@ -164,7 +164,9 @@ def reduced(
     groups: list[np.ndarray], segment: Sequence[int] | np.ndarray, **values: np.ndarray
 ) -> pd.DataFrame:
     """Return a table of readings (k rows): values (m,) averaged over groups, their segments, and progress along these."""
-    table = pd.DataFrame({"segment": segment} | {name: means(groups, own) for name, own in values.items()})
+    table = pd.DataFrame(
+        {"segment": segment} | {name: means(groups, column) for name, column in values.items()}
+    )
     by_segment = table.groupby("segment")["segment"]
     last = (by_segment.transform("size") - 1).clip(lower=1)
     return table.assign(progress=(by_segment.cumcount() / last).to_numpy())
@@ -212,12 +214,12 @@ def patterns(readings: Readings) -> Atoms:
     table, regions = readings.table, []
     share, branch, sample = table["share"], table["branch"], table["sample"]
     for kind, word in BRANCHES.items():
-        own = branch == kind
-        regions.append((f"all {word}", "phase", own & ~table["is_base"]))
+        of_kind = branch == kind
+        regions.append((f"all {word}", "phase", of_kind & ~table["is_base"]))
         for low, high in ((0.0, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 1.1)):
             words = f"{word} between {low:.0%} and {min(high, 1):.0%} of the range of strain"
-            regions.append((words, "depth", own & share.between(low, high)))
-        regions.append((f"second halves of {word}", "time", own & (table["progress"] > 0.5)))
+            regions.append((words, "depth", of_kind & share.between(low, high)))
+        regions.append((f"second halves of {word}", "time", of_kind & (table["progress"] > 0.5)))
     for name in pd.unique(sample):
         regions.append((f"specimen {name}", "session", sample == name))
         for kind, word in BRANCHES.items():

@@ -74,8 +74,8 @@ class Fitted:
     @property
     def refitted(self) -> Refitted:
         """Return the same as a fit of the judge."""
-        j, amounts = self.judged, tuple(a for _, a in self.judged.terms)
-        return Refitted(j.parts, amounts, self.columns, j.covariance, self.prior_sd, j.log_bayes_factor, True)
+        j, theta = self.judged, tuple(a for _, a in self.judged.terms)
+        return Refitted(j.parts, theta, self.columns, j.covariance, self.prior_sd, j.log_bayes_factor, True)
 
 
 def slices(model: Sequence[Change]) -> list[slice]:
@@ -84,11 +84,11 @@ def slices(model: Sequence[Change]) -> list[slice]:
     return [slice(a, b) for a, b in zip(ends, ends[1:])]
 
 
-def predicted(readings: Readings, model: Sequence[Change], amounts: np.ndarray) -> np.ndarray:
+def predicted(readings: Readings, model: Sequence[Change], theta: np.ndarray) -> np.ndarray:
     """Return the prediction (n,) of a model; all of it acts on the material before the plates let go of it."""
     stress = readings.base
-    for change, own in zip(model, slices(model)):
-        stress = change.apply(stress, amounts[own])
+    for change, entries in zip(model, slices(model)):
+        stress = change.apply(stress, theta[entries])
     if readings.pushed is None:
         return stress
     return np.where(readings.pushed, np.maximum(stress, np.minimum(readings.base, 0.0)), stress)
@@ -112,10 +112,13 @@ def fitted(readings: Readings, changes: Sequence[Change]) -> Fitted:
     J = np.column_stack(moved) / steps.sum(axis=0)
     left = readings.measured - prediction + J @ (u * prior_sd)
     white = C.whiten(np.column_stack([left, J]))
-    parts = [Candidate(c.name, c.shape, J[:, s], prior_sd[s], signs[s]) for c, s in zip(model, slices(model))]
+    parts = [
+        Candidate(c.name, c.hyperparameters, J[:, s], prior_sd[s], signs[s])
+        for c, s in zip(model, slices(model))
+    ]
     judged = judged_by(white[:, 0], parts, [white[:, 1:][:, s] for s in slices(model)])
     evidence = C.log_density_of_white(white[:, 0]) + judged.log_bayes_factor
-    at_fit = replace(judged, amounts=u * prior_sd, change=prediction - readings.base)
+    at_fit = replace(judged, theta=u * prior_sd, change=prediction - readings.base)
     return Fitted(model, prediction, C, at_fit, evidence)
 
 
@@ -139,14 +142,16 @@ def posterior_of(readings: Readings) -> tuple[Posterior, dict[Effects, Fitted]]:
         return Posterior({}, {}, {}, {}, 0, {}), {}
     residual, covariance = readings.measured - readings.base, readings.covariance
     nothing = covariance.log_density(residual)
-    alone = [fitted(readings, (change,)) for change in tracked(changes, "effects and their shapes fitted")]
+    alone = [
+        fitted(readings, (change,)) for change in tracked(changes, "effects and their hyperparameters fitted")
+    ]
     linear = Linear.of(residual, covariance, [_through(fit).parts[0] for fit in alone])
     fits: dict[Effects, Fitted] = {}
     sets: dict[Effects, Screened] = {}
     for one in tracked(set_tables(linear), "sets of effects fitted"):
         fit = fitted(readings, [changes[k].scaled(s) for k, s in zip(one.number, one.scale)])
         best = linear.log_bayes_factors(one.number[None], one.scale[None])[0]
-        # Other shapes and scales are taken to gain what the best ones gain by the fit.
+        # Other hyperparameters and scales are taken to gain what the best ones gain by the fit.
         gained = fit.log_evidence - nothing - best
         fits[one.effects] = fit
         sets[one.effects] = replace(_through(fit), log_bayes_factor=float(one.average + gained))
@@ -157,10 +162,10 @@ def posterior_of(readings: Readings) -> tuple[Posterior, dict[Effects, Fitted]]:
 
 def _through(fit: Fitted) -> Screened:
     """Return what was fitted as a linear change that meets the fit."""
-    judged, amounts = fit.judged, fit.judged.amounts
-    if not amounts.any():
+    judged, theta = fit.judged, fit.judged.theta
+    if not theta.any():
         return judged
-    columns = secant(fit.columns, judged.change - fit.columns @ amounts, amounts, fit.prior_sd)
+    columns = secant(fit.columns, judged.change - fit.columns @ theta, theta, fit.prior_sd)
     by_part = terms_of(judged.parts, columns.T)
     return replace(judged, parts=tuple(replace(part, columns=own.T) for part, own in by_part))
 
@@ -203,23 +208,24 @@ class MaterialProblem(Problem):
             step = 0.1 * first.width * np.eye(len(change.parameters))[0]
             column = (change.apply(base, step) - base)[:, None] / step[0]
             prior_sd, sign = np.array([first.width]), np.array([first.sign])
-            candidates.append(Candidate(change.name, change.shape, column, prior_sd, sign))
+            candidates.append(Candidate(change.name, change.hyperparameters, column, prior_sd, sign))
         effects = {change.name: change.effect for change in readings.changes}
-        beside = observations, _along_z(base, n), readings.covariance
-        return cls(*beside, candidates, effects, never_solved, {}, readings=readings)
+        forces, covariance = _along_z(base, n), readings.covariance
+        return cls(observations, forces, covariance, candidates, effects, never_solved, {}, readings=readings)
 
     def change_of(self, part: Candidate | Change) -> Change:
         """Return a part's change with the plausible values of its effect, whatever scale of them had most evidence."""
-        return next(c for c in self.readings.changes if (c.name, c.shape) == (part.name, part.shape))
+        wanted = part.name, part.hyperparameters
+        return next(c for c in self.readings.changes if (c.name, c.hyperparameters) == wanted)
 
     def effect_of(self, part: Candidate) -> Effect:
-        """Return the effect of a part with the parameters that it has in this shape."""
+        """Return the effect of a part with the parameters that it has at these hyperparameters."""
         return self.change_of(part).effect
 
     def with_model_error(self, terms: Sequence[Term]) -> MaterialProblem:
         """Return the problem with the covariance that belongs to what is predicted with effects at their values."""
-        model, amounts = [self.change_of(part) for part, _ in terms], [a for _, a in terms]
-        prediction = predicted(self.readings, model, np.concatenate(amounts))
+        model, theta = [self.change_of(part) for part, _ in terms], [a for _, a in terms]
+        prediction = predicted(self.readings, model, np.concatenate(theta))
         return replace(self, covariance=self.readings.covariance_of(prediction))
 
 
@@ -248,7 +254,7 @@ def judge_tests(name: str, readings: Readings, seed: int) -> tuple[MaterialProbl
         fit, left, proof = fit_of_mode.refitted, readings.measured - fit_of_mode.prediction, None
         if out.any():
             proof = after_penalty(proof_of(erring, fit, left, blocks), erring, posterior, blocks.train)
-        nonzero = fit_of_mode.columns[:, fit_of_mode.judged.amounts != 0]
+        nonzero = fit_of_mode.columns[:, fit_of_mode.judged.theta != 0]
         uncertain = replace(problem, covariance=fit_of_mode.covariance)
         answer = Answer(
             fit=fit,

@@ -299,8 +299,8 @@ def _readings(paths: list[Path], laws, bases, scatter: float, said: tuple[str, .
     law = np.zeros((len(base), len(base)))
     for kind, fit in laws.items():
         here = (table["test"] == kind).to_numpy()
-        own = here & table["is_base"].to_numpy()
-        misfit = float(np.sqrt(np.mean((measured - base)[own] ** 2)))
+        fitted_rows = here & table["is_base"].to_numpy()
+        misfit = float(np.sqrt(np.mean((measured - base)[fitted_rows] ** 2)))
         # beyond its range the polynomial's errors are not the law's
         J = fit.stress(np.clip(table["at"][here].to_numpy(), *fit.valid))[1]
         law[np.ix_(here, here)] = J @ fit.covariance @ J.T + misfit_covariance(share[here], misfit)
@@ -322,8 +322,12 @@ def _rows(number: int, path: Path, bases) -> pd.DataFrame:
     kinds = [s.kind for s in test.segments]
     first_unload = kinds.index("unload") if "unload" in kinds else len(kinds)
     part = np.array([k for k, _ in path.branches], dtype=int)
-    own = {"at": test.stretch[: len(path.time_s)], "share": path.strain / _reach(base), "time_s": path.time_s}
-    table = reduced([rows for _, rows in path.branches], part, **own)
+    columns = {
+        "at": test.stretch[: len(path.time_s)],
+        "share": path.strain / _reach(base),
+        "time_s": path.time_s,
+    }
+    table = reduced([rows for _, rows in path.branches], part, **columns)
     branch = np.array(kinds)[part]
     is_base = (test is base) & (branch == "load") & (part < first_unload)
     return table.assign(

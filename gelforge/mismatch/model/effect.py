@@ -51,7 +51,7 @@ class Curves:
 class Context:
     """The nominal model with the readings.
 
-    derivatives: by "effect" or "effect.parameter", d force / d amount (N per unit) of effects that the solver knows.
+    derivatives: by "effect" or "effect.parameter", d force / d theta (N per unit) of effects that the solver knows.
     """
 
     study: Study
@@ -67,7 +67,7 @@ class Context:
         return cls(study, Observations.none(), np.zeros((0, 3)), Curves((), ()), {})
 
     def derivative(self, name: str) -> np.ndarray:
-        """Return d force / d amount (R, 3) at the readings; as during loading where the unloading is not known."""
+        """Return d force / d theta (R, 3) at the readings; as during loading where the unloading is not known."""
         if name in self.at_readings:
             return self.at_readings[name]
         return self.on_readings(self.derivatives[name])
@@ -94,7 +94,8 @@ class Context:
         return values
 
 
-Shape = Mapping[str, float | str]  # what is scanned: a place (refits move it between those), a time constant
+# What is scanned: a place (refits move it between those that were tried), a time constant
+Hyperparameters = Mapping[str, float | str]
 
 
 @dataclass(frozen=True)
@@ -119,8 +120,8 @@ class Parameter:
         return low < a < high or (self.closed and a != 0 and a in self.bounds)
 
 
-def one_shape(context: Context) -> list[Shape]:
-    """Return the only shape of an effect that has nothing to scan."""
+def no_hyperparameters(context: Context) -> list[Hyperparameters]:
+    """Return the grid of an effect that has nothing to scan."""
     return [{}]
 
 
@@ -151,10 +152,10 @@ class Effect:
     signature: str = ""  # what it does to readings, in words
     separated_by: str = ""  # the experiment that distinguishes it from others
     depends_on: tuple[str, ...] = ()  # the effects whose derivatives it is made of
-    to_study: Callable[[Study, Shape, Sequence[float]], Study] | None = None
-    to_forces: Callable[[Context, Shape, np.ndarray, Sequence[float]], np.ndarray] | None = None
+    to_study: Callable[[Study, Hyperparameters, Sequence[float]], Study] | None = None
+    to_forces: Callable[[Context, Hyperparameters, np.ndarray, Sequence[float]], np.ndarray] | None = None
     to_camera: Callable[[Study, Camera, Sequence[float]], Camera] | None = None
-    shapes: Callable[[Context], list[Shape]] = one_shape
+    grid: Callable[[Context], list[Hyperparameters]] = no_hyperparameters
     # (2, 2) of D4 -> (P, P): how values turn with the sensor
     turned: Callable[[np.ndarray], np.ndarray] = unturned
     applies: Callable[[Study], bool] = everywhere  # the sensor has what it is about
@@ -193,23 +194,27 @@ class Effect:
         size = 1.0 if self.binary else share * self.parameters[k].width * (self.parameters[k].sign or 1)
         return tuple(size if number == k else 0.0 for number in range(len(self.parameters)))
 
-    def in_range(self, amounts: Sequence[float] | np.ndarray) -> bool:
+    def in_range(self, theta: Sequence[float] | np.ndarray) -> bool:
         """Return whether every value has its physical sign and lies inside its bounds, or on one that is physical.
 
         Of several values of one sign some may be absent.
         """
-        absent = [p.sign != 0 and a == 0 for p, a in zip(self.parameters, amounts)]
-        inside = [p.holds(a) and p.sign * a >= 0 for p, a in zip(self.parameters, amounts)]
+        absent = [p.sign != 0 and a == 0 for p, a in zip(self.parameters, theta)]
+        inside = [p.holds(a) and p.sign * a >= 0 for p, a in zip(self.parameters, theta)]
         return not all(absent) and all(map(operator.or_, absent, inside))
 
-    def in_words(self, shape: Shape, amounts: Sequence[float]) -> str:
+    def in_words(self, hyperparameters: Hyperparameters, theta: Sequence[float]) -> str:
         """Return what it means at its parameter values, and where it lies if it has a place."""
-        if "coefficient" in shape:  # of friction, where the simulation has none; 0 where it has some
-            real, simulated = ("friction", "none") if shape["coefficient"] else ("no friction", "some")
+        coefficient = hyperparameters.get(
+            "coefficient"
+        )  # of friction, where the simulation has none; 0: where it has some
+        if coefficient is not None:
+            real, simulated = ("friction", "none") if coefficient else ("no friction", "some")
             return f"there is {real}, and the simulation has {simulated}"
-        place = f" near ({shape['x_mm']:.3g}, {shape['y_mm']:.3g}) mm" if "x_mm" in shape else ""
-        if len(self.means) == 1 or not amounts[0]:
+        located = "x_mm" in hyperparameters
+        place = " near ({x_mm:.3g}, {y_mm:.3g}) mm".format(**hyperparameters) if located else ""
+        if len(self.means) == 1 or not theta[0]:
             return self.means[0] + place
-        amount, unit = abs(float(amounts[0])), self.parameters[0].unit
-        clause = self.means[1 if amounts[0] > 0 else 2]
-        return clause.format(share=f"{100 * amount:.2g} %", size=f"{amount:.2g} {unit}") + place
+        value, unit = abs(float(theta[0])), self.parameters[0].unit
+        clause = self.means[1 if theta[0] > 0 else 2]
+        return clause.format(share=f"{100 * value:.2g} %", size=f"{value:.2g} {unit}") + place

@@ -13,7 +13,7 @@ from gelforge.indentation.paths.places import DIGITS
 from gelforge.indentation.paths.planned_cell import PlannedCell
 from gelforge.indentation.paths.trajectory import Trajectory
 from gelforge.indentation.sensor.symmetry import D4, transform_points, transform_vectors
-from gelforge.mismatch.model.effect import Effect, Shape
+from gelforge.mismatch.model.effect import Effect, Hyperparameters
 
 Path = TypeVar("Path", PlannedCell, Trajectory)
 
@@ -57,7 +57,7 @@ def carried(total: np.ndarray, symmetry: str) -> np.ndarray:
 def carried_derivative(
     found: Mapping[str, np.ndarray], symmetry: str, effect: Effect, keys: Sequence[str], which: int
 ) -> np.ndarray | None:
-    """Return d force / d amount (D, 3) for amount `which` of an effect from those for all its values at the image.
+    """Return d force / d theta (D, 3) for parameter `which` of an effect from those for all its values at the image.
 
     keys: names of the image's derivatives, one per value. None where the image does not show the effect.
     """
@@ -66,26 +66,26 @@ def carried_derivative(
     return carried(np.sum(parts, axis=0), symmetry) if parts else None
 
 
-def numbers_at_image(shapes: Sequence[Shape], symmetry: str, width: float) -> list[int]:
-    """Return for each shape at the path its number at the image: what has a place, or a side of the sensor, moves."""
+def numbers_at_image(grid: Sequence[Hyperparameters], symmetry: str, width: float) -> list[int]:
+    """Return for each point of a grid at the path its number at the image: a place, or a side of the sensor, moves."""
     if symmetry == "identity":
-        return [*range(len(shapes))]
-    rest = [{k: v for k, v in shape.items() if k not in ("x_mm", "y_mm", "side")} for shape in shapes]
-    own = np.array([_place_of(shape, width) for shape in shapes])
-    there = transform_points(inverse(symmetry), own, width)
+        return [*range(len(grid))]
+    rest = [{k: v for k, v in one.items() if k not in ("x_mm", "y_mm", "side")} for one in grid]
+    here = np.array([_place_of(one, width) for one in grid])
+    there = transform_points(inverse(symmetry), here, width)
     numbers = []
-    for number, (shape, place) in enumerate(zip(rest, there)):
+    for number, (one, place) in enumerate(zip(rest, there)):
         if np.isfinite(place).all():
-            same = np.array([other == shape for other in rest])
-            number = int(np.argmin(np.where(same, np.abs(own - place).max(axis=1), np.inf)))
+            same = np.array([other == one for other in rest])
+            number = int(np.argmin(np.where(same, np.abs(here - place).max(axis=1), np.inf)))
         numbers.append(number)
     return numbers
 
 
-def _place_of(shape: Shape, width: float) -> tuple[float, float]:
-    """Return the place (x, y) [mm] of a shape, of a side of the sensor its middle; nan without."""
-    if "side" not in shape:
-        return float(shape.get("x_mm", np.nan)), float(shape.get("y_mm", np.nan))
-    axis, end = str(shape["side"]).split("_")
+def _place_of(hyperparameters: Hyperparameters, width: float) -> tuple[float, float]:
+    """Return the place (x, y) [mm] of hyperparameters, of a side of the sensor its middle; nan without."""
+    if "side" not in hyperparameters:
+        return float(hyperparameters.get("x_mm", np.nan)), float(hyperparameters.get("y_mm", np.nan))
+    axis, end = str(hyperparameters["side"]).split("_")
     at = width * (end == "high")
     return (at, width / 2) if axis == "x" else (width / 2, at)

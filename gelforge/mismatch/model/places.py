@@ -10,7 +10,7 @@ import numpy as np
 
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import gel_layers
-from gelforge.mismatch.model.effect import Context, Shape
+from gelforge.mismatch.model.effect import Context, Hyperparameters
 
 RADIUS = "radius_mm"
 AXES = ("x_mm", "y_mm", "z_mm", RADIUS)  # of a place: its size is one
@@ -20,7 +20,7 @@ SPACING = 4.2
 SIZES = (1.0, 0.6)  # of balls, as shares of the largest, which fills the layers: refits find sizes between
 
 
-def balls(study: Study) -> list[Shape]:
+def balls(study: Study) -> list[Hyperparameters]:
     """Return balls (x_mm, y_mm, z_mm, radius_mm) in the layers under the skin, at most SPACING apart in a plane."""
     bottom, height = -study.sensor.height_mm, _height_of_gel(study)
     levels = _evenly(bottom, bottom + height, max(1, round(height / SPACING)))
@@ -33,7 +33,7 @@ def balls(study: Study) -> list[Shape]:
     ]
 
 
-def patches(study: Study) -> list[Shape]:
+def patches(study: Study) -> list[Hyperparameters]:
     """Return discs (x_mm, y_mm, z_mm, radius_mm) on the face between the layers under the skin and the skin."""
     z = _height_of_gel(study) - study.sensor.height_mm
     return [place | {"z_mm": z, "radius_mm": SPACING / 2} for place in _plane(study, z)]
@@ -45,40 +45,40 @@ def _height_of_gel(study: Study) -> float:
 
 @dataclass(frozen=True)
 class FirstOrder:
-    """The `to_forces` of an effect whose own derivatives the solver gives: force + sum of amount x derivative.
+    """The `to_forces` of an effect whose own derivatives the solver gives: force + sum of theta x derivative.
 
-    Derivatives are named as the effect, or "effect.parameter" by parameter, and "@k" at the k-th of the shapes that are
+    Derivatives are named as the effect, or "effect.parameter" by parameter, and "@k" at the k-th point of the grid that is
     scanned; between places they are interpolated.
     """
 
     name: str
     parameters: tuple[str, ...] = ()
-    scanned: Callable[[Study], list[Shape]] | None = None
+    scanned: Callable[[Study], list[Hyperparameters]] | None = None
 
     def keys(self, number: int | None) -> list[str]:
-        """Return the names of the derivatives, one per value, at a shape of some number."""
+        """Return the names of the derivatives, one per value, at a point of the grid of some number."""
         at = "" if self.scanned is None else f"@{number}"
         return [f"{self.name}{key}{at}" for key in [f".{name}" for name in self.parameters] or [""]]
 
     def __call__(
-        self, context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]
+        self, context: Context, hyperparameters: Hyperparameters, force: np.ndarray, theta: Sequence[float]
     ) -> np.ndarray:
-        tried = {0: 1.0} if self.scanned is None else shares(shape, self.scanned(context.study))
+        tried = {0: 1.0} if self.scanned is None else shares(hyperparameters, self.scanned(context.study))
         for number, share in tried.items():
-            for key, a in zip(self.keys(number), amounts, strict=True):
+            for key, a in zip(self.keys(number), theta, strict=True):
                 force = force + share * a * context.derivative(key)
         return force
 
 
-def shares(shape: Shape, tried: Sequence[Shape]) -> dict[int, float]:
-    """Return the numbers of the shapes tried between which a shape lies, and their shares (linear by axis, 1 in all)."""
-    if dict(shape) in tried:
-        return {tried.index(dict(shape)): 1.0}
-    if "x_mm" not in shape:
+def shares(hyperparameters: Hyperparameters, tried: Sequence[Hyperparameters]) -> dict[int, float]:
+    """Return the numbers of the grid's points between which a point lies, and their shares (linear by axis, 1 in all)."""
+    if dict(hyperparameters) in tried:
+        return {tried.index(dict(hyperparameters)): 1.0}
+    if "x_mm" not in hyperparameters:
         raise ValueError(
-            f"{dict(shape)} is none of the shapes that are tried: {[dict(one) for one in tried]}"
+            f"{dict(hyperparameters)} is none of the hyperparameters that are tried: {[dict(one) for one in tried]}"
         )
-    here, places = point(shape), np.array([point(place) for place in tried])
+    here, places = point(hyperparameters), np.array([point(place) for place in tried])
     shares = np.ones(len(places))
     for x, line in zip(here, places.T):
         spacing = np.diff(np.unique(line)).min(initial=np.inf)
@@ -89,9 +89,9 @@ def shares(shape: Shape, tried: Sequence[Shape]) -> dict[int, float]:
     return {int(k): float(shares[k] / shares.sum()) for k in np.flatnonzero(shares)}
 
 
-def point(shape: Shape) -> np.ndarray:
+def point(hyperparameters: Hyperparameters) -> np.ndarray:
     """Return a place as numbers (4,) [mm], its radius last."""
-    return np.array([shape[axis] for axis in AXES])
+    return np.array([hyperparameters[axis] for axis in AXES])
 
 
 def _plane(study: Study, z: float) -> list[dict[str, float]]:

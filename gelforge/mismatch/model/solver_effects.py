@@ -9,7 +9,7 @@ import numpy as np
 from gelforge.config import Effects, Mechanics, Study, changed_study
 from gelforge.indentation.effects.catalogue import CATALOGUE, Place, gel_layers, with_keys
 from gelforge.indentation.solving.sensitivities import unmirrored
-from gelforge.mismatch.model.effect import Context, Effect, Parameter, Shape
+from gelforge.mismatch.model.effect import Context, Effect, Hyperparameters, Parameter
 from gelforge.mismatch.model.places import FirstOrder
 
 LARGEST_MOVE = 0.3  # [mm]; next to a wall the pull sets in within half a millimetre
@@ -24,7 +24,7 @@ def solved(
     present: Callable[[Study], Any] | None = None,
     closed: bool = False,
     directed: bool = False,
-    scanned: Callable[[Study], list[Shape]] | None = None,
+    scanned: Callable[[Study], list[Hyperparameters]] | None = None,
     keys: Callable[[Study, list[float]], dict] | None = None,
     **fields,
 ) -> Effect:
@@ -45,7 +45,7 @@ def solved(
     directed : bool
         Whether it has a place, a direction or an order, so that indentations of a square have no mirror images.
     scanned : callable, optional
-        The shapes that are tried, each with a derivative of its own.
+        The hyperparameters that are tried, each with a derivative of its own.
     keys : callable, optional
         Of two directions: the keys of mechanics.effects that two numbers set.
     **fields
@@ -58,16 +58,17 @@ def solved(
     entry, names = CATALOGUE[name], (parameters,) if isinstance(parameters, str) else parameters
     limit = bounds if closed else (-np.inf, np.inf)
 
-    def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-        if not any(amounts) and (keys or not entry.mesh_changes):
+    def to_study(study: Study, hyperparameters: Hyperparameters, theta: Sequence[float]) -> Study:
+        if not any(theta) and (keys or not entry.mesh_changes):
             return study
-        values = np.clip(np.add(amounts, present(study) if present else 0.0), *limit).tolist()
+        values = np.clip(np.add(theta, present(study) if present else 0.0), *limit).tolist()
         if keys:
             return with_keys(unmirrored(study), **keys(study, values))
-        place = Place(**{axis: float(value) for axis, value in shape.items()}) if "x_mm" in shape else None
+        located = "x_mm" in hyperparameters
+        place = Place(**{axis: float(x) for axis, x in hyperparameters.items()}) if located else None
         return entry(unmirrored(study) if directed else study, values[0], place)
 
-    scan = {"shapes": lambda context: scanned(context.study)} if scanned else {}
+    scan = {"grid": lambda context: scanned(context.study)} if scanned else {}
     about = {
         "parameters": tuple(
             Parameter(p, entry.unit, entry.width, bounds, source, closed=closed) for p in names
@@ -89,17 +90,17 @@ def switch(source: str) -> Parameter:
     return Parameter("on", "1", 1.0, (0.0, 1.5), f"on or off: {source}, no quantity")
 
 
-def simplification(name: str, changes: Callable[[Mechanics, Shape], dict], **fields) -> Effect:
+def simplification(name: str, changes: Callable[[Mechanics, Hyperparameters], dict], **fields) -> Effect:
     """Return a choice of the study that may be wrong.
 
-    changes: the keys of mechanics that 1 sets, of the study's own mechanics and a shape.
+    changes: the keys of mechanics that 1 sets, of the study's mechanics and the hyperparameters.
     """
 
-    def to_study(study: Study, shape: Shape, amounts: Sequence[float]) -> Study:
-        (a,) = amounts
+    def to_study(study: Study, hyperparameters: Hyperparameters, theta: Sequence[float]) -> Study:
+        (a,) = theta
         if a not in (0, 1):
             raise ValueError(f"a simplification is turned round (1) or kept (0), found {a:g}")
-        return changed_study(study, {"mechanics": changes(study.mechanics, shape)}) if a else study
+        return changed_study(study, {"mechanics": changes(study.mechanics, hyperparameters)}) if a else study
 
     about = {
         "family": "simplification",
@@ -121,17 +122,19 @@ def circumstance(name: str, source: str, key: str, reference: str, column: str, 
         circumstances = study.mechanics.effects.material.circumstances
         return getattr(circumstances, key).get(gel_layers(study)[0], 0.0)
 
-    def shapes(context: Context) -> list[Shape]:
+    def grid(context: Context) -> list[Hyperparameters]:
         table = context.observations.table
         return [{}] if table.empty or table[column].nunique() > 1 else []
 
-    def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-        (a,) = amounts
+    def to_forces(
+        context: Context, _: Hyperparameters, force: np.ndarray, theta: Sequence[float]
+    ) -> np.ndarray:
+        (a,) = theta
         here = getattr(context.study.mechanics.effects.material.circumstances, reference)
         beyond = np.nan_to_num(context.observations.table[column].to_numpy(float) - here)
         return force + a * beyond[:, None] * context.derivative("gel_stiffness")
 
-    fields |= {"depends_on": ("gel_stiffness",), "shapes": shapes, "to_forces": to_forces}
+    fields |= {"depends_on": ("gel_stiffness",), "grid": grid, "to_forces": to_forces}
     return solved(name, "rate", (-0.1, 0.1), source, present, **fields)
 
 
@@ -143,21 +146,23 @@ def data_entry_error(
     read: Callable[[np.ndarray, str], np.ndarray],
     **words,
 ) -> Effect:
-    """Return a mistake of the analyst that is there or not; each alternative is a shape {key: alternative}.
+    """Return a mistake of the analyst that is there or not; each alternative is a point of the grid {key: alternative}.
 
     read gives what is read (R, 3) [N] of forces on the sensor (R, 3) by one of them.
     """
 
-    def to_forces(context: Context, shape: Shape, force: np.ndarray, amounts: Sequence[float]) -> np.ndarray:
-        (a,) = amounts
-        return force + a * (read(force, str(shape.get(key, default))) - force)
+    def to_forces(
+        context: Context, hyperparameters: Hyperparameters, force: np.ndarray, theta: Sequence[float]
+    ) -> np.ndarray:
+        (a,) = theta
+        return force + a * (read(force, str(hyperparameters.get(key, default))) - force)
 
     return Effect(
         name,
         "analyst",
         (switch("a data-entry error of the session"),),
         to_forces=to_forces,
-        shapes=lambda context: [{key: one} for one in alternatives],
+        grid=lambda context: [{key: one} for one in alternatives],
         binary=True,
         **words,
     )

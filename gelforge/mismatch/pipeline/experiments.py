@@ -21,7 +21,7 @@ from gelforge.mismatch.model.effect import Context, Curves, Parameter
 from gelforge.mismatch.readings.errors import CONTACT_POINT_MM, depth_scatter
 from gelforge.mismatch.readings.observations import COLUMNS, Observations, last_moves
 from gelforge.mismatch.readings.sessions import SPEED_MM_PER_S
-from gelforge.mismatch.result.verdict import Amount, NamedEffect, Verdict
+from gelforge.mismatch.result.verdict import NamedEffect, ParameterEstimate, Verdict
 from gelforge.mismatch.summary.findings import NINETY, limits_of
 
 CLEAR_S = 8.0  # between two indentations: the unloading, to the next position and down to the surface
@@ -69,10 +69,12 @@ def planned(
     """Return a plan of indentations by the problem that its readings would pose, with the errors of each effect's change."""
     columns, errors = {}, {}
     for one in survivors:
-        effect, amounts = CATALOGUE[one.name], np.array([amount.value for amount in one.amounts])
-        columns[one.name] = columns_of(context, effect, one.shape)
-        part = Candidate(one.name, one.shape, columns[one.name], effect.prior_sd, np.zeros(len(amounts)))
-        directions = problem.errors_of([(part, amounts)])
+        effect, theta = CATALOGUE[one.name], np.array([estimate.value for estimate in one.parameters])
+        columns[one.name] = columns_of(context, effect, one.hyperparameters)
+        part = Candidate(
+            one.name, one.hyperparameters, columns[one.name], effect.prior_sd, np.zeros(len(theta))
+        )
+        directions = problem.errors_of([(part, theta)])
         if directions.size:
             errors[one.name] = problem.covariance.errors(directions)
     presses = context.observations.table["press"].nunique()
@@ -100,25 +102,27 @@ def weights(study: Study, survivors: Sequence[NamedEffect], each_s: float = 20.0
         effect = CATALOGUE[one.name]
         of_sensor = effect.data_entry_error or effect.family == "force sensor"
         nothing = np.zeros((3 * R, len(effect.parameters)))
-        columns[effect.name] = columns_of(still, effect, one.shape) if of_sensor else nothing
+        columns[effect.name] = columns_of(still, effect, one.hyperparameters) if of_sensor else nothing
     name, covariance = "dead weights on the force sensor, along each axis", Covariance(sigma.ravel() ** 2)
     return Plan(name, R * each_s / 60, 0, covariance, columns)
 
 
 def survivor(effect: NamedEffect) -> Screened:
     """Return what a verdict says of an effect as a judged effect; its values are taken as independent."""
-    amounts = np.array([amount.value for amount in effect.amounts])
+    theta = np.array([one.value for one in effect.parameters])
     parameters = CATALOGUE[effect.name].parameters
-    sd = np.array([_spread(amount, parameter) for amount, parameter in zip(effect.amounts, parameters)])
-    none = np.zeros((0, len(amounts)))
-    part = Candidate(effect.name, effect.shape, none, CATALOGUE[effect.name].prior_sd, np.zeros(len(amounts)))
+    sd = np.array([_spread(one, parameter) for one, parameter in zip(effect.parameters, parameters)])
+    none = np.zeros((0, len(theta)))
+    part = Candidate(
+        effect.name, effect.hyperparameters, none, CATALOGUE[effect.name].prior_sd, np.zeros(len(theta))
+    )
     factor = effect.log_bayes_factor
-    return Screened((part,), factor, factor, amounts, np.diag(sd**2), np.zeros(0), 0.0, 0.0)
+    return Screened((part,), factor, factor, theta, np.diag(sd**2), np.zeros(0), 0.0, 0.0)
 
 
-def _spread(amount: Amount, parameter: Parameter) -> float:
+def _spread(one: ParameterEstimate, parameter: Parameter) -> float:
     """Return the standard deviation of a reported value, by a side that its physical range does not cut; else its width."""
-    (low, high), value = amount.interval_90, amount.value
+    (low, high), value = one.interval_90, one.value
     sides = [abs(end - value) for end in (low, high) if end not in parameter.bounds and low <= value <= high]
     return max(sides) / NINETY if sides else parameter.width
 
@@ -164,7 +168,9 @@ def planned_observations(
         noise / np.sqrt(3),
         np.full(R, press_depth),
         np.full(R, CONTACT_POINT_MM if np.isnan(session_depth) else session_depth),
-        came_along=np.concatenate([last_moves(own) for _, own in table.groupby("session", sort=False)]),
+        came_along=np.concatenate(
+            [last_moves(session) for _, session in table.groupby("session", sort=False)]
+        ),
     )
     return spread(observations, study)
 
@@ -199,10 +205,10 @@ def limits_table(problem: Problem) -> pd.DataFrame:
         Values in the parameter's unit; detectable is infinite where no value shows.
     """
     rows = [
-        (one.effect, one.parameter, one.unit, one.amount or np.inf, one.plausible, one.seen)
+        (one.effect, one.parameter, one.unit, one.value or np.inf, one.plausible, one.seen)
         for one in limits_of(problem)
     ]
-    columns = ["effect", "parameter", "unit", "detectable", "plausible", "plausible_amount_seen"]
+    columns = ["effect", "parameter", "unit", "detectable", "plausible", "plausible_value_seen"]
     return pd.DataFrame(rows, columns=columns).sort_values(["effect", "parameter"], ignore_index=True)
 
 
@@ -214,11 +220,11 @@ def visibility_table(solver: Solver) -> pd.DataFrame:
     rows, first = [], None
     for name, observations in variants_of(solver.study).items():
         limits = limits_table(problem_of(solver, observations, recorded=False)[0])
-        seen = limits[limits["plausible_amount_seen"]]
+        seen = limits[limits["plausible_value_seen"]]
         names = set(seen["effect"] + " " + seen["parameter"])
         first = names if first is None else first
         rows.append((name, _minutes(observations), len(names), ", ".join(sorted(names - first))))
-    return pd.DataFrame(rows, columns=["experiment", "minutes", "plausible_amounts_seen", "seen_newly"])
+    return pd.DataFrame(rows, columns=["experiment", "minutes", "plausible_values_seen", "seen_newly"])
 
 
 def experiments_table(solver: Solver, verdict: Verdict) -> pd.DataFrame:

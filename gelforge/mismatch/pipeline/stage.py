@@ -63,13 +63,15 @@ def patch_of(
     adds to the base. The map of a module goes to mechanics where a study can have it, and nowhere else.
     """
     with_effects, known = study, []
-    for part, amounts in terms:
+    for part, theta in terms:
         effect = effects[part.name]
         if effect.to_study is not None:
-            with_effects = effect.to_study(with_effects, part.shape, tuple(amounts))
+            with_effects = effect.to_study(with_effects, part.hyperparameters, tuple(theta))
         else:
-            values = {p.name: float(a) for p, a in zip(effect.parameters, np.asarray(amounts))}
-            known.append({"effect": part.name, "amounts": values, "shape": dict(part.shape)})
+            values = {p.name: float(a) for p, a in zip(effect.parameters, np.asarray(theta))}
+            known.append(
+                {"effect": part.name, "parameters": values, "hyperparameters": dict(part.hyperparameters)}
+            )
     if module is not None and module.to_study is not None and map_ is not None:
         with_effects = module.to_study(with_effects, map_["mean"].to_numpy())
     changes = differences(study.model_dump(mode="json"), with_effects.model_dump(mode="json"))
@@ -145,8 +147,10 @@ def judge_folder(
     SolverFailed
         Where the base cannot be solved.
     """
-    own = recording.resolve() == study.data_folder.resolve()  # of its own data a study chooses the sessions
-    folders = session_folders(recording, study.sessions if own else ())
+    of_study = (
+        recording.resolve() == study.data_folder.resolve()
+    )  # of its own data a study chooses the sessions
+    folders = session_folders(recording, study.sessions if of_study else ())
     check_matches(folders, study)  # first: what belongs to another sensor need not be read
     recordings = read_all(folders, study.sensor)
     solver = solver_of(study, out, list(laws), kept, workers, recordings)
@@ -290,7 +294,7 @@ def of_effects(problem: Problem, names: Collection[str]) -> Problem:
 def write_patch(out: Path, study: Study, problem: Problem, judgement: Judgement) -> None:
     """Write config.patch.yaml: the fitted effects, and the map of a cause with a free form where a study can have it."""
     model = judgement.model
-    terms = () if model is not None and not model.beside else judgement.answered.fit.terms
+    terms = () if model is not None and not model.with_effects else judgement.answered.fit.terms
     cause = (model.module, model.map()) if model is not None and model.sure else ()
     if changes := patch_of(study, problem.effects, terms, *cause):
         out.mkdir(parents=True, exist_ok=True)
@@ -371,13 +375,13 @@ def check_matches(folders: Sequence[Path], study: Study) -> None:
     """
     for folder in folders:
         session = load_session(folder / "session.yaml")
-        stated, own = session.indenter.strip(), study.indenter.words
-        if stated and stated != own:
-            numbers = _lengths(stated), _lengths(own)
+        stated, simulated = session.indenter.strip(), study.indenter.words
+        if stated and stated != simulated:
+            numbers = _lengths(stated), _lengths(simulated)
             if numbers[0] and numbers[1] and not numbers[0] & numbers[1]:
                 raise ConfigError(
-                    f"{folder / 'session.yaml'}: pressed with {stated!r}, but the study describes {own!r}; give the study "
-                    "of this recording, or correct `indenter`"
+                    f"{folder / 'session.yaml'}: pressed with {stated!r}, but the study describes {simulated!r}; give the"
+                    " study of this recording, or correct `indenter`"
                 )
 
 

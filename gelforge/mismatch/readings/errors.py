@@ -81,8 +81,8 @@ def steps_of(raw: np.ndarray) -> np.ndarray:
     within that digit.
     """
     steps, finest = np.full(raw.shape[1], np.nan), 1e-9  # N
-    for axis, own in enumerate(raw.T):
-        apart = np.diff(np.unique(np.rint(own[np.isfinite(own)] / finest).astype(np.int64)))
+    for axis, column in enumerate(raw.T):
+        apart = np.diff(np.unique(np.rint(column[np.isfinite(column)] / finest).astype(np.int64)))
         digit = int(np.gcd.reduce(apart, initial=0))
         if digit <= 1:
             continue
@@ -120,10 +120,10 @@ class Repeats:
 
 def repeats_of(readings: pd.DataFrame, phase: str, fitted: int) -> Repeats:
     """Return the repeats of a phase about a polynomial in time of so many coefficients per indentation."""
-    own = readings[readings["phase"] == phase]
-    times, forces = own["time_s"].to_numpy(), own[FORCE].to_numpy()
+    of_phase = readings[readings["phase"] == phase]
+    times, forces = of_phase["time_s"].to_numpy(), of_phase[FORCE].to_numpy()
     repeats = Repeats.none()
-    for rows in own.groupby("press", sort=False).indices.values():
+    for rows in of_phase.groupby("press", sort=False).indices.values():
         if len(rows) <= fitted:
             continue
         time = times[rows]
@@ -241,7 +241,7 @@ def _likeliest(cost, m: np.ndarray) -> float:
     return float(np.exp(minimum.x)) if minimum.fun < cost(0.0) else 0.0
 
 
-def depth_scatter(zero: DepthZero, instead_mm: float | None = None) -> tuple[float, float]:
+def depth_scatter(zero: DepthZero, stated_mm: float | None = None) -> tuple[float, float]:
     """Return the standard deviations [mm] of the depth from one indentation to the next and of the session's contact point;
     nan: missing.
 
@@ -251,9 +251,9 @@ def depth_scatter(zero: DepthZero, instead_mm: float | None = None) -> tuple[flo
     press, session = zero.press_scatter_mm, zero.session_scatter_mm
     if zero.by == "session":
         unsaid = 0.0 if session is None else np.nan
-        session = session if instead_mm is None else instead_mm
+        session = session if stated_mm is None else stated_mm
         return unsaid if press is None else press, np.nan if session is None else session
-    press = press if instead_mm is None else instead_mm
+    press = press if stated_mm is None else stated_mm
     return np.nan if press is None else press, session or 0.0
 
 
@@ -323,7 +323,7 @@ def _repeated_contact_points(found: Observations, of: np.ndarray) -> float | Non
         sums = sums[sums["kk"] > 0]
         if len(sums) < 2:
             continue
-        own = ((sums["noise"] + sums["zero"] ** 2) / sums["kk"] ** 2).mean()
-        squares += ((sums["kf"] / sums["kk"]) ** 2).sum() - (len(sums) - 1) * own
+        from_noise = ((sums["noise"] + sums["zero"] ** 2) / sums["kk"] ** 2).mean()
+        squares += ((sums["kf"] / sums["kk"]) ** 2).sum() - (len(sums) - 1) * from_noise
         freedom += len(sums) - 1
     return float(np.sqrt(max(squares / freedom, 0.0))) if freedom >= LEAST_FREEDOM else None

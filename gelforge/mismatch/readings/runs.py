@@ -50,9 +50,12 @@ def runs_of(observations: Observations) -> Runs:
         ways.append(PlannedCell(f"site{site:04d}", x, y, tuple(map(float, down))))
         way[rows], step[rows] = number, np.searchsorted(down, depth[rows])
         for peak in np.unique(deepest[rows][up[rows]])[::-1]:
-            own = rows[up[rows] & (deepest[rows] == peak)]
-            to, fro = down[down <= peak], np.unique(depth[own])[::-1]
-            unloading[own], back[own] = len(unloadings), len(to) + np.searchsorted(-fro, -depth[own])
+            unloaded = rows[up[rows] & (deepest[rows] == peak)]
+            to, fro = down[down <= peak], np.unique(depth[unloaded])[::-1]
+            unloading[unloaded], back[unloaded] = (
+                len(unloadings),
+                len(to) + np.searchsorted(-fro, -depth[unloaded]),
+            )
             phases = ("load",) * len(to) + ("unload",) * len(fro)
             run = replace(ways[-1], depths_mm=(*map(float, to), *map(float, fro)), phases=phases)
             unloadings.append((number, run))

@@ -190,10 +190,10 @@ def _touches(readings: pd.DataFrame, speed: float) -> tuple[pd.Series, int]:
     """
     first = readings[readings["phase"].isin(["load", "dwell"])].groupby("press").first()
     down = readings[readings["phase"].isin(["approach", "load"]) & (readings["speed_mm_per_s"] > 0)]
-    own = down.groupby("press")["speed_mm_per_s"].last().reindex(first.index)
+    speeds = down.groupby("press")["speed_mm_per_s"].last().reindex(first.index)
     seen = readings[readings["phase"] == "touch"].groupby("press")["time_s"].first()
-    touch = first["time_s"] - first["depth_mm"] / own.fillna(speed)
-    return seen.combine_first(touch), int((own.isna() & ~own.index.isin(seen.index)).sum())
+    touch = first["time_s"] - first["depth_mm"] / speeds.fillna(speed)
+    return seen.combine_first(touch), int((speeds.isna() & ~speeds.index.isin(seen.index)).sum())
 
 
 def _dead_axes(force: np.ndarray, session: Session, unknown: list[str]) -> np.ndarray:

@@ -24,8 +24,8 @@ class Score(Section):
 
 def by_axis(labels: pd.DataFrame, values: np.ndarray) -> list[float | None]:
     """Return the root mean square of entries (n,) with these labels, by axis x, y, z; None of an axis without any."""
-    own = [values[labels["axis"] == k] for k in range(3)]
-    return [float(np.sqrt(np.mean(one**2))) if len(one) else None for one in own]
+    per_axis = [values[labels["axis"] == k] for k in range(3)]
+    return [float(np.sqrt(np.mean(one**2))) if len(one) else None for one in per_axis]
 
 
 def score(labels: pd.DataFrame, left: np.ndarray, mask: np.ndarray | None = None) -> Score:

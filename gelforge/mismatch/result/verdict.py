@@ -16,7 +16,7 @@ from gelforge.mismatch.readings.observations import SetAside
 from gelforge.mismatch.result.scores import HeldOut, Score, ThreeAxes
 from gelforge.mismatch.thresholds import ADEQUATE_P, DECISIVE, LEFT_P, SAME_READINGS_SNR, SURE
 
-FORMAT: Final = "gelforge-verdict-4"
+FORMAT: Final = "gelforge-verdict-5"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
 State = Literal["consistent", "identified", "ambiguous", "inconclusive", "unexplained"]
 Probability = Annotated[float, Field(ge=0, le=1)]
@@ -44,7 +44,7 @@ class Where(Section):
     p: Probability | None = Field(None, description="Of as much by chance anywhere that was looked at [-]")
 
 
-class Amount(Section):
+class ParameterEstimate(Section):
     """One fitted value of an effect."""
 
     name: str = Field(description="The parameter")
@@ -62,8 +62,12 @@ class NamedEffect(Section):
     probability: Probability = Field(description="Probability that it is part of what is missing [-]")
     log_bayes_factor: float = Field(description="Log evidence over that of the null [-]")
     snr: NonNegative | None = Field(None, description="Signal over noise of its fitted change [-]")
-    amounts: list[Amount] = Field([], description="Fitted parameter values; none where it was not fitted")
-    shape: dict[str, float | str] = Field({}, description="Place, part, time constant; keys carry units")
+    parameters: list[ParameterEstimate] = Field(
+        [], description="Fitted parameter values; none where it was not fitted"
+    )
+    hyperparameters: dict[str, float | str] = Field(
+        {}, description="Place, part, time constant; keys carry units"
+    )
     in_range: bool = Field(
         description="Values have their physical sign and lie inside their bounds; on a bound only where no larger value"
         " exists (a lost bond); of several values of one sign some may be zero"
@@ -175,13 +179,13 @@ class DetectionLimit(Section):
     effect: Name = Field(description="Canonical name")
     parameter: str = Field(description="The parameter")
     unit: str = Field(description="Its unit")
-    amount: Positive | None = Field(description="Smallest value that would be seen [unit]; empty: none would")
+    value: Positive | None = Field(description="Smallest value that would be seen [unit]; empty: none would")
     plausible: Positive = Field(description="A plausible value, the standard deviation of its prior [unit]")
 
     @property
     def seen(self) -> bool:
         """Return whether a plausible value would be seen."""
-        return self.amount is not None and self.amount <= self.plausible
+        return self.value is not None and self.value <= self.plausible
 
 
 class Noise(Section):
@@ -220,7 +224,7 @@ class Model(Section):
         None, description="That this cause is part of what is missing [-]"
     )
     words: str = Field(description="What it changes, and over what")
-    beside: list[Name] = Field([], description="Identified effects that act together with it")
+    with_effects: list[Name] = Field([], description="Identified effects that act together with it")
     largest_N: ThreeAxes = Field(description="Largest change of a reading, x, y, z [N]")
     depth_mm: Interval = Field(description="Depths that it was learnt from; it is not extrapolated [mm]")
     sites: int = Field(ge=1, description="Positions that it was learnt from [-]")
@@ -262,7 +266,7 @@ class Provenance(Section):
 class Verdict(Section):
     """The verdict on one recording of a study."""
 
-    format: Literal["gelforge-verdict-4"] = Field(FORMAT, description="Of this file")
+    format: Literal["gelforge-verdict-5"] = Field(FORMAT, description="Of this file")
     title: str = Field(description="What was judged, a few words")
     synthetic: bool = Field(description="Readings come from a virtual lab or another solver, not a sensor")
     state: State = Field(description="What was found")

@@ -56,7 +56,7 @@ COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     # in addition, and first, what the map is a function of
     MODULE: (("quantity", "unit", "mean", "sigma"), ()),
     # smallest value that would be detected (empty: none would) and a plausible one [unit]
-    LIMITS: (("effect", "parameter", "unit", "amount", "plausible"), ()),
+    LIMITS: (("effect", "parameter", "unit", "value", "plausible"), ()),
 }
 
 

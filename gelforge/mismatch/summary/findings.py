@@ -28,19 +28,19 @@ from gelforge.recording.readings import AXES
 NINETY = float(norm.ppf(0.95))
 
 
-def own_values(fit: Refitted | Screened, name: str) -> tuple[Candidate, np.ndarray, np.ndarray]:
+def values_of(fit: Refitted | Screened, name: str) -> tuple[Candidate, np.ndarray, np.ndarray]:
     """Return an effect of a fitted or judged set, its values (p,) and their covariance (p, p)."""
     k = [part.name for part in fit.parts].index(name)
     ends = np.cumsum([0, *(part.columns.shape[1] for part in fit.parts)])
-    amounts, own = np.concatenate([np.atleast_1d(a) for a in fit.amounts]), slice(ends[k], ends[k + 1])
-    return fit.parts[k], amounts[own], fit.covariance[own, own]
+    theta, entries = np.concatenate([np.atleast_1d(a) for a in fit.theta]), slice(ends[k], ends[k + 1])
+    return fit.parts[k], theta[entries], fit.covariance[entries, entries]
 
 
 def group_entries(judgement: Judgement) -> list[form.Group]:
     """Return the groups that a verdict reports, the most probable first; none where it has no answer."""
     if judgement.answer is None:
         return []
-    if judgement.model is not None and judgement.model.sure and not judgement.model.beside:
+    if judgement.model is not None and judgement.model.sure and not judgement.model.with_effects:
         return []  # effects that are not sure were fitted without the cause that is
     groups = [one for one in judgement.answer.groups if one.chance >= NEGLIGIBLE]
     return sorted(groups, key=lambda group: -group.probability)
@@ -81,29 +81,31 @@ def _of_set(judgement: Judgement, effects: frozenset[str]) -> tuple[Refitted | S
 def _effect(
     problem: Problem, name: str, fit: Refitted | Screened, log_bayes_factor: float, chance: float
 ) -> form.NamedEffect:
-    part, amounts, spread = own_values(fit, name)
+    part, theta, spread = values_of(fit, name)
     effect = problem.effect_of(part)
     return form.NamedEffect(
         name=name,
         family=effect.family,
         probability=chance,
         log_bayes_factor=float(log_bayes_factor),
-        snr=float(np.linalg.norm(problem.covariance.whiten(part.columns @ amounts))),
-        amounts=value_entries(effect.parameters, amounts, spread),
-        shape=dict(part.shape),
-        in_range=part.binary or effect.in_range(amounts),
+        snr=float(np.linalg.norm(problem.covariance.whiten(part.columns @ theta))),
+        parameters=value_entries(effect.parameters, theta, spread),
+        hyperparameters=dict(part.hyperparameters),
+        in_range=part.binary or effect.in_range(theta),
         refitted=isinstance(fit, Refitted),
     )
 
 
 def value_entries(
-    parameters: Sequence[Parameter], amounts: np.ndarray, spread: np.ndarray
-) -> list[form.Amount]:
+    parameters: Sequence[Parameter], theta: np.ndarray, spread: np.ndarray
+) -> list[form.ParameterEstimate]:
     """Return the values (p,) of an effect, of covariance (p, p), with their 90 % intervals."""
     sd = np.sqrt(np.maximum(np.diag(spread), 0.0))
     return [
-        form.Amount(name=p.name, unit=p.unit, value=float(a), interval_90=interval(p, float(a), float(s)))
-        for p, a, s in zip(parameters, amounts, sd)
+        form.ParameterEstimate(
+            name=p.name, unit=p.unit, value=float(a), interval_90=interval(p, float(a), float(s))
+        )
+        for p, a, s in zip(parameters, theta, sd)
     ]
 
 
@@ -223,9 +225,9 @@ def located(answer: Answer, sensor: Sensor | None) -> list[form.Where]:
     """Return where the answer's defects lie in the sensor: balls in a layer, discs on the lower face of the skin."""
     places, shape = [], _shape(sensor)
     for part in answer.fit.parts:
-        if "z_mm" not in part.shape:
+        if "z_mm" not in part.hyperparameters:
             continue
-        x, y, z, radius = (float(part.shape[key]) for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
+        x, y, z, radius = (float(part.hyperparameters[key]) for key in ("x_mm", "y_mm", "z_mm", "radius_mm"))
         half = 0.0 if part.name == "delamination" else radius
         layers = [] if shape is None else shape.layers
         places.append(
@@ -245,7 +247,7 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
     answer, model = judgement.answer, judgement.model
     rest = rest_of(problem, judgement)
     held, blocks = None, []
-    if model is not None and not model.beside:
+    if model is not None and not model.with_effects:
         held = model.held  # effects fitted without it are not in `after`
     elif answer is not None and answer.proof is not None:
         held, *blocks = answer.proof.held
@@ -260,14 +262,14 @@ def _fit(problem: Problem, judgement: Judgement) -> form.Fit:
 def limits_of(problem: Problem) -> list[form.DetectionLimit]:
     """Return the smallest value of each effect that the readings would show."""
     limits = []
-    for part, k, amount in detection_limits(problem.covariance, problem.physics):
+    for part, k, value in detection_limits(problem.covariance, problem.physics):
         parameter = problem.effect_of(part).parameters[k]
         limits.append(
             form.DetectionLimit(
                 effect=part.name,
                 parameter=parameter.name,
                 unit=parameter.unit,
-                amount=amount if np.isfinite(amount) else None,
+                value=value if np.isfinite(value) else None,
                 plausible=parameter.width,
             )
         )

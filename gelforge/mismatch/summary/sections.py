@@ -21,15 +21,15 @@ def model_section(problem: Problem, judgement: Judgement) -> form.Model | None:
         return None
     held, labels, named = model.held, problem.in_newtons.labels, model.kernel.is_cause
     depth, change = labels["depth_mm"], np.abs(model.change[problem.of_force])
-    if model.beside and judgement.answered.proof is not None:  # before: the effects alone
+    if model.with_effects and judgement.answered.proof is not None:  # before: the effects alone
         held = held.model_copy(update={"before": judgement.answered.proof.held[0].after})
     changes = [change[labels["axis"] == k] for k in range(3)]
     return form.Model(
         cause=model.module.name if model.module is not None and named else None,
         probability=model.probability if named else None,
         words=f"a change of {model.kernel.words}" if model.module is None else in_words(model),
-        beside=[part.name for part in judgement.answered.fit.parts] if model.beside else [],
-        largest_N=[float(own.max()) if len(own) else None for own in changes],
+        with_effects=[part.name for part in judgement.answered.fit.parts] if model.with_effects else [],
+        largest_N=[float(along.max()) if len(along) else None for along in changes],
         depth_mm=(float(depth.min()), float(depth.max())),
         sites=len(labels.drop_duplicates(["x_mm", "y_mm"])),
         corrects_labels=model.kernel.of_labels,

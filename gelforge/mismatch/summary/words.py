@@ -44,7 +44,7 @@ def _identified(problem: Problem, judgement: Judgement, brief: bool) -> str:
         module = judgement.model.module
         assert module is not None  # of a cause
         claims.append((_plain_name(module.name) if brief else module.says, judgement.model.probability))
-    if judgement.answer is not None and (judgement.model is None or judgement.model.beside):
+    if judgement.answer is not None and (judgement.model is None or judgement.model.with_effects):
         claims += [
             (_clause(problem, judgement.answer, group, brief), group.probability)
             for group in sorted(judgement.answer.sure, key=lambda group: -group.probability)
@@ -58,12 +58,12 @@ def _identified(problem: Problem, judgement: Judgement, brief: bool) -> str:
 def _clause(problem: Problem, answer: Answer, group: form.Group, brief: bool) -> str:
     """Return what an effect of the answer means at its value, or its name, and whether its line has others."""
     k = [part.name for part in answer.fit.parts].index(group.members[0])
-    part, amounts = answer.fit.parts[k], answer.fit.amounts[k]
+    part, theta = answer.fit.parts[k], answer.fit.theta[k]
     if brief:
         return _plain_name(part.name) + (" or another of its line" if len(group.members) > 1 else "")
-    said = problem.effects[part.name].in_words(part.shape, tuple(amounts))
-    if part.binary and "coefficient" not in part.shape:
-        said += "".join(f" ({value})" for value in part.shape.values())
+    said = problem.effects[part.name].in_words(part.hyperparameters, tuple(theta))
+    if part.binary and "coefficient" not in part.hyperparameters:
+        said += "".join(f" ({value})" for value in part.hyperparameters.values())
     return said + (" or an indistinguishable cause" if len(group.members) > 1 else "")
 
 

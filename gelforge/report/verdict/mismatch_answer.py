@@ -82,7 +82,7 @@ def _tabulate_model(chapter: Chapter, model: Model, axes: list[str]) -> None:
         words = "Modelled without a known cause, and not extrapolated."
     row = {
         "what it changes": model.words,
-        "together with": "\n".join(map(pretty, model.beside)) or None,
+        "together with": "\n".join(map(pretty, model.with_effects)) or None,
         "at most": f"{two_digits(max(model.largest_N['xyz'.index(axis)] or 0.0 for axis in axes))} N",
         "learnt from": f"{span_text(model.depth_mm)} mm at {model.sites} positions",
         "held-out log score": f"{model.held_out.gain:+.3g} ± {model.held_out.standard_error:.2g}",

@@ -116,7 +116,7 @@ def _limit_row(name: str, detectable: list[DetectionLimit]) -> dict:
     of_effect = [limit for limit in detectable if limit.effect == name]
     cells = {
         "parameter": [pretty(limit.parameter) for limit in of_effect],
-        "smallest detectable": [in_unit(limit.amount, limit.parameter, limit.unit) for limit in of_effect],
+        "smallest detectable": [in_unit(limit.value, limit.parameter, limit.unit) for limit in of_effect],
         "plausible": [in_unit(limit.plausible, limit.parameter, limit.unit) for limit in of_effect],
         "a plausible one is seen": ["yes" if limit.seen else "no" for limit in of_effect],
     }

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from gelforge.mismatch.result.verdict import Amount, NamedEffect, Verdict
+from gelforge.mismatch.result.verdict import NamedEffect, ParameterEstimate, Verdict
 
-UNITS = ("_mm", "_s", "_deg")  # that end the keys of a shape
+UNITS = ("_mm", "_s", "_deg")  # that end the keys of hyperparameters
 NO_SHARE = ("exponent", "index_less_1")  # parameters without unit that are no share of anything
 SWITCH = "on"  # parameter of an effect that is there or not
 STATES = {
@@ -56,13 +56,13 @@ def answer_text(verdict: Verdict) -> str:
 
 def values_text(effect: NamedEffect) -> str:
     """Return an effect's values with unit and 90 % interval."""
-    return "; ".join(_amount_text(amount) for amount in effect.amounts if amount.name != SWITCH)
+    return "; ".join(_estimate_text(one) for one in effect.parameters if one.name != SWITCH)
 
 
-def _amount_text(amount: Amount) -> str:
-    scale, unit = _scale(amount.name, amount.unit)
-    value, low, high = (two_digits(scale * x, "+") for x in (amount.value, *amount.interval_90))
-    return f"{pretty(amount.name)} {value}{unit} ({low} to {high})"
+def _estimate_text(one: ParameterEstimate) -> str:
+    scale, unit = _scale(one.name, one.unit)
+    value, low, high = (two_digits(scale * x, "+") for x in (one.value, *one.interval_90))
+    return f"{pretty(one.name)} {value}{unit} ({low} to {high})"
 
 
 def in_unit(value: float | None, parameter: str, unit: str) -> str:
@@ -96,10 +96,10 @@ def span_text(span: tuple[float, float] | None) -> str | None:
     return None if span is None else f"{span[0]:.3g} to {span[1]:.3g}"
 
 
-def shape_text(shape: Mapping[str, float | str]) -> str:
+def hyperparameters_text(hyperparameters: Mapping[str, float | str]) -> str:
     """Return an effect's place, part or time, two to a line: "x 9.07 mm, y 13 mm; z -3 mm, radius 1.2 mm"."""
     texts = []
-    for key, value in shape.items():
+    for key, value in hyperparameters.items():
         name, _, unit = key.rpartition("_") if key.endswith(UNITS) else (key, "", "")
         said = value if isinstance(value, str) else f"{value:.3g}"
         texts.append(" ".join(filter(None, (pretty(name), said, unit))))
@@ -108,7 +108,9 @@ def shape_text(shape: Mapping[str, float | str]) -> str:
 
 def value_text(effect: NamedEffect) -> str:
     """Return an effect's values with 90 % interval, and its place, part or time, each on a line."""
-    return unbroken("; ".join(filter(None, (values_text(effect), shape_text(effect.shape)))))
+    return unbroken(
+        "; ".join(filter(None, (values_text(effect), hyperparameters_text(effect.hyperparameters))))
+    )
 
 
 def filled(rows: list[dict]) -> pd.DataFrame:
