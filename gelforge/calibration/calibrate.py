@@ -89,9 +89,8 @@ def fit_of(
     pressed = observations.table["phase"].isin(PRESSED).to_numpy()
     free = free_of(solver.study, solver.laws, names, priors)
     # What a test says of a material gives way to the prior that is stated here.
-    others = {
-        name: moved for name, moved in solver.uncertain.items() if name not in {f.material for f in free}
-    }
+    of_free = {one.material for one in free}
+    others = {name: moved for name, moved in solver.uncertain.items() if name not in of_free}
     solver = replace(solver, uncertain=others)
     stage("forces of the simulation, and how they follow the parameters")
     loaded = observations.chosen(pressed)

@@ -99,9 +99,8 @@ class Linear:
         problem, step = self.problem, at - self.at
         missing = problem.observations.flat(base - problem.base) - self.columns @ step
         columns = secant(self.columns, missing, step, self.prior_sd)
-        parts = [
-            replace(part, columns=column[:, None]) for part, column in zip(problem.candidates, columns.T)
-        ]
+        pairs = zip(problem.candidates, columns.T)
+        parts = [replace(part, columns=column[:, None]) for part, column in pairs]
         return Linear(at, replace(problem, base=base, candidates=parts), study)
 
     def taught_by(self, other: Linear) -> Linear:
@@ -170,9 +169,8 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
         if not across and (converged or solved == MOST // 2):
             linear, across, refused = _across(solver, observations, free, linear, sd), True, None
             continue
-        stage(
-            "step " + ", ".join(f"{one.name} {one.value(x):.4g} {one.kind.unit}" for one, x in zip(free, a))
-        )
+        values = (f"{one.name} {one.value(x):.4g} {one.kind.unit}" for one, x in zip(free, a))
+        stage(f"step {', '.join(values)}")
         reached = _reached(solver, observations, free, linear, a)
         refused = step if np.array_equal(reached.at, linear.at) else None
         linear = reached
@@ -254,16 +252,8 @@ def _about(
             raise SolverFailed(
                 f"{effect.name} has no derivative ({base.failed[effect.name]}); leave it out of --free"
             )
-        parts.append(
-            Candidate(
-                effect.name,
-                {},
-                columns_of(base.context, effect, {}),
-                effect.prior_sd,
-                np.zeros(1),
-                form_error=FORM_ERROR,
-            )
-        )
+        columns, zero = columns_of(base.context, effect, {}), np.zeros(1)
+        parts.append(Candidate(effect.name, {}, columns, effect.prior_sd, zero, form_error=FORM_ERROR))
     covariance = readings_covariance(base.context, base.law, base.floor, base.solution)
     problem = Problem(
         base.context.observations,

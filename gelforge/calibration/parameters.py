@@ -162,9 +162,8 @@ class Free:
 
     def coordinate(self, value: float) -> float:
         """Return the coordinate of a value."""
-        return (float(np.log(value)) if self.kind.logarithmic else value) - self.prior.normal(
-            self.kind.logarithmic
-        )[0]
+        here = float(np.log(value)) if self.kind.logarithmic else value
+        return here - self.prior.normal(self.kind.logarithmic)[0]
 
     def value(self, coordinate: float) -> float:
         """Return the value at a coordinate."""

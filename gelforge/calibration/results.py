@@ -26,6 +26,7 @@ from gelforge.mismatch.result.verdict_tables import READINGS, write_tables
 FORMAT = "gelforge-calibration-1"
 CALIBRATION = "calibration.json"
 STEP = 1e-4  # of a logarithm: central differences then err by its square, 1e-8, and rounding by 1e-12
+SHARED = "calibrated together with what else was free: errors that it shares with those are not in this file"
 Materials = Mapping[str, MaterialLaw]
 
 
@@ -141,11 +142,7 @@ def calibrated_materials(
             covariance_from=f"posterior of {', '.join(fit.free[k].name for k in rows)} by the presses of {title}",
             synthetic=synthetic,
             fitted_by="calibrated to presses (gelforge calibrate)",
-            notes=(
-                "calibrated together with what else was free: errors that it shares with those are not in this file",
-            )
-            if len(fit.free) > len(rows)
-            else (),
+            notes=(SHARED,) if len(fit.free) > len(rows) else (),
         )
     return calibrated
 

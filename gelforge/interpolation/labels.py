@@ -21,6 +21,13 @@ from gelforge.interpolation.solved_sites import OWN, SolvedSites
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 # attributes of the nearest solved site that hold for a label between as well: ranges of stretch, what was touched
+BY_DEPTH = (
+    "volume_outside_valid_range",
+    "volume_law_unstable",
+    "stretch_range",
+    "leaves_valid_range",
+    "law_unstable",
+)
 OF_SITE = (
     "settings",
     "regions",
@@ -28,14 +35,9 @@ OF_SITE = (
     "linear_solver",
     "degrees_of_freedom",
     "uncertain_materials",
-    "volume_outside_valid_range",
-    "volume_law_unstable",
-    "stretch_range",
-    "leaves_valid_range",
-    "law_unstable",
+    *BY_DEPTH,
 )
 SAME_MM = 2 * ROUNDING_MM  # of two rounded positions
-BY_DEPTH = set(OF_SITE[OF_SITE.index("volume_outside_valid_range") :])
 
 
 @dataclass(frozen=True)
@@ -58,11 +60,11 @@ class Labels:
         }
         at_place = self.own.get(planned.name) or self._solved_there(planned)
         if at_place is not None:
-            kept = {key: value for key, value in at_place.attributes.items() if key not in TIMINGS}
-            kept = {key: value for key, value in kept.items() if not key.startswith("sensitivity_")}
-            arrays = {
-                key: value for key, value in at_place.arrays.items() if not key.startswith("sensitivity_")
-            }
+            kept, arrays = (
+                {key: value for key, value in part.items() if not key.startswith("sensitivity_")}
+                for part in (at_place.attributes, at_place.arrays)
+            )
+            kept = {key: value for key, value in kept.items() if key not in TIMINGS}
             return Cell(arrays, kept | identity | {"solved_as": at_place.attributes["cell"]})
         position = np.array([planned.x_mm, planned.y_mm])
         if failed := self.solved.failed_near(position):

@@ -27,10 +27,8 @@ from gelforge.mechanics.indenters.shapes import Sphere
 # Found on some positions and judged on others by `python benchmarks/interpolation.py`:
 # Of the difference of a site that is left out alone (benchmarks/interpolation.py).
 SITE_PART = 1.0
-LINE_PART: Mapping[str, float | np.ndarray] = {
-    "bin": 0.35,
-    "total": np.array([0.6, 0.6, 0.4]),
-}  # of that of a site that is left out with its line
+# of that of a site that is left out with its line
+LINE_PART: Mapping[str, float | np.ndarray] = {"bin": 0.35, "total": np.array([0.6, 0.6, 0.4])}
 # Instead of LINE_PART in the outermost cells of the lattice, which sites enclose on one side only; x, y, z of totals. A
 # spacing of half the height and more is no small one next to a wall: the next half changes more than an order says.
 END_PART: Mapping[str, float | np.ndarray] = {"bin": 0.7, "total": np.array([1.2, 1.2, 1.7])}
@@ -103,9 +101,8 @@ class SolvedSites:
         """
         by_site = {}
         for at, cell in self.cells.items():
-            roots = (
-                {key: np.sqrt(value) for key, value in self._left_out(at).items()} if cell.converged else {}
-            )
+            left_out = self._left_out(at) if cell.converged else {}
+            roots = {key: np.sqrt(value) for key, value in left_out.items()}
             for image in self.lattice.images(at):
                 symmetry = self.lattice.symmetry_to(at, image)
                 by_site[image] = {key: self._map(symmetry, root) ** 2 for key, root in roots.items()}
@@ -169,9 +166,8 @@ class SolvedSites:
         weights = place_weights(places[chosen], position)
         near = [usable[k] for k in chosen]
         along = [depth_weights(np.array(self.lattice.depths_mm), depth) for depth in depths]
-        complete = len(depths) == len(self.lattice.depths_mm) and all(
-            len(numbers) == 1 for numbers, _ in along
-        )
+        solved_depths = all(len(numbers) == 1 for numbers, _ in along)
+        complete = solved_depths and len(depths) == len(self.lattice.depths_mm)
 
         def mixed(values: np.ndarray) -> np.ndarray:  # (D, ...) of a site -> at the depths asked for
             return np.stack([np.tensordot(w, values[numbers], 1) for numbers, w in along])
@@ -179,11 +175,10 @@ class SolvedSites:
         bins = np.zeros((len(depths), self.sensor.bins.ny, self.sensor.bins.nx, 6))
         for site, weight in zip(near, weights):
             # A sheet that tilts or a yawed machine does not press where it is commanded: by how much is linear in the place.
-            bins += weight * (
-                site.forces.binned(position, self.sensor)
-                if complete
-                else self._over_depths(site.forces, position, depths, along)
-            )
+            if complete:
+                bins += weight * site.forces.binned(position, self.sensor)
+            else:
+                bins += weight * self._over_depths(site.forces, position, depths, along)
         reaction = sum(w * mixed(site.reaction) for site, w in zip(near, weights))
         centre = sum(w * mixed(site.centre) for site, w in zip(near, weights))
         names = tuple(site.name for site in near)
@@ -191,20 +186,17 @@ class SolvedSites:
 
     def _over_depths(self, forces: NodalForces, position: np.ndarray, depths, along) -> np.ndarray:
         """Return bins (d, ny, nx, 6) between depths: each depth's nodes lie as far apart as the contact is then wide."""
-        known, squares = self.lattice.depths_mm, []
-        for depth, (numbers, weights) in zip(depths, along):
-            parts = [
-                weight
-                * forces.binned(
-                    position,
-                    self.sensor,
-                    [number],
-                    contact_width(self._ball, depth) / contact_width(self._ball, known[number]),
-                )[0]
-                for number, weight in zip(numbers, weights)
-            ]
-            squares.append(sum(parts))
-        return np.array(squares)
+
+        def at_depth(depth: float, number: int) -> np.ndarray:
+            known = self.lattice.depths_mm[number]
+            wider = contact_width(self._ball, depth) / contact_width(self._ball, known)
+            return forces.binned(position, self.sensor, [number], wider)[0]
+
+        mixed = [
+            sum(weight * at_depth(depth, number) for number, weight in zip(numbers, weights))
+            for depth, (numbers, weights) in zip(depths, along)
+        ]
+        return np.array(mixed)
 
     @cached_property
     def _ball(self) -> Sphere | None:
@@ -255,9 +247,8 @@ class SolvedSites:
         borders = ("nearest", "constant", "constant", "nearest")
         mean = gaussian_filter(square, (SMOOTHING, SMOOTHING, SMOOTHING, 0), mode=borders)
         total = difference.sum(axis=1) ** 2
-        total[:, :2] = total[:, :2].mean(
-            axis=1, keepdims=True
-        )  # on an axis of symmetry one of them is zero by itself
+        # on an axis of symmetry one of them is zero by itself
+        total[:, :2] = total[:, :2].mean(axis=1, keepdims=True)
         total = gaussian_filter(total, (SMOOTHING, 0), mode="nearest")
         return np.maximum(mean, 0.0).reshape(difference.shape), total
 
@@ -288,11 +279,9 @@ class SolvedSites:
         known = np.array(self.lattice.depths_mm)
         # Error bars have no rim: between two depths they grow linearly.
         above = np.clip(np.searchsorted(known, depths), 1, max(len(known) - 1, 1)) if len(known) > 1 else None
-        share = (
-            np.zeros(len(depths))
-            if above is None
-            else (depths - known[above - 1]) / np.diff(known)[above - 1]
-        )
+        share = np.zeros(len(depths))
+        if above is not None:
+            share = (depths - known[above - 1]) / np.diff(known)[above - 1]
         by_array: dict[str, np.ndarray] = {}
 
         def mixed(values: np.ndarray) -> np.ndarray:
@@ -329,9 +318,8 @@ class SolvedSites:
                 if (left_out := carried(quantity + kind, self.squares)) is not None:
                     square = square + np.square(part) * left_out
             if (over_depth := carried(f"{quantity}_depth", self.squares)) is not None:
-                between = (4 * share * (1 - share)).reshape(
-                    -1, *[1] * (over_depth.ndim - 1)
-                )  # none at a depth
+                between = 4 * share * (1 - share)  # none at a depth
+                between = between.reshape(-1, *[1] * (over_depth.ndim - 1))
                 square = square + (DEPTH_PART * between) ** 2 * over_depth
             if quantity == "bin" and "bin_mesh" in by_array:
                 square = square + (MESH_PART * by_array["bin_mesh"]) ** 2

@@ -119,14 +119,11 @@ def measure_scaling(
     mean = mean if centred else [0.0 * m for m in mean]
     square = [np.zeros(()), np.zeros(())]
     for flow, label in _blocks(rows, index, form, turn):
-        square = [
-            s + ((v - m) ** 2).sum(axis=0) / len(index) for s, v, m in zip(square, (flow, label), mean)
-        ]  # (F,), (B, 3)
+        parts = zip(square, (flow, label), mean)
+        square = [s + ((v - m) ** 2).sum(axis=0) / len(index) for s, v, m in parts]  # (F,), (B, 3)
     half = len(mean[0]) // 2
-    input_square, output_square = (
-        np.array([square[0][:half].mean(), square[0][half:].mean()]),
-        square[1].mean(axis=0),
-    )
+    input_square = np.array([square[0][:half].mean(), square[0][half:].mean()])
+    output_square = square[1].mean(axis=0)
     if not centred:
         input_square[:] = input_square.mean()
         output_square[:2] = output_square[:2].mean()
@@ -211,9 +208,8 @@ class Batches:
         order = rng.permutation(len(blocks))
         per_buffer = max(1, self.buffer_rows // BLOCK_ROWS)
         for start in range(0, len(order), per_buffer):
-            read = self._read(
-                self.index[np.concatenate([blocks[i] for i in order[start : start + per_buffer]])]
-            )
+            taken = np.concatenate([blocks[i] for i in order[start : start + per_buffer]])
+            read = self._read(self.index[taken])
             yield *read, np.arange(len(read[0]))
 
     def _read(self, index: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:

@@ -72,10 +72,8 @@ def forces_as_tensors(solved: Callable, values: Mapping[str, Tensor | float]) ->
         For tensors of more than one element, and values that are no numbers.
     """
     try:
-        tensors = [
-            torch.as_tensor(value, dtype=None if torch.is_tensor(value) else torch.float64)
-            for value in values.values()
-        ]
+        known = ((value, None if torch.is_tensor(value) else torch.float64) for value in values.values())
+        tensors = [torch.as_tensor(value, dtype=dtype) for value, dtype in known]
     except (TypeError, ValueError):
         raise ConfigError(f"{', '.join(values)}: tensors of one element or numbers are needed") from None
     for name, tensor in zip(values, tensors):

@@ -29,9 +29,8 @@ def order(name: str, nx: int, ny: int) -> np.ndarray:
     """Return for each place k = nx iy + ix of a turned grid the place (nx ny,) that its value comes from."""
     index = np.arange(nx * ny)
     middle = np.array([nx - 1, ny - 1]) / 2
-    target = np.rint((np.stack([index % nx, index // nx], axis=-1) - middle) @ D4[name].T + middle).astype(
-        int
-    )
+    place = np.stack([index % nx, index // nx], axis=-1) - middle
+    target = np.rint(place @ D4[name].T + middle).astype(int)
     source = np.empty(nx * ny, int)
     source[target[:, 1] * nx + target[:, 0]] = index
     return source

@@ -39,10 +39,7 @@ def _force_difference(model: Model, converted: OnnxModel, feature: np.ndarray) -
     """Return the largest difference of raw forces, as a share of an image's largest or of the labels' deviation."""
     expected, predicted = model.predict_raw(feature), converted.predict_raw(feature)
     size = np.maximum(np.abs(expected).max(axis=(1, 2)), model.scaling.output_scale.max())
-    return _finite((np.abs(predicted - expected).max(axis=(1, 2)) / size).max())
-
-
-def _finite(share: float) -> float:
+    share = (np.abs(predicted - expected).max(axis=(1, 2)) / size).max()
     return float(share) if np.isfinite(share) else np.inf
 
 

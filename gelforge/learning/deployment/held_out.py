@@ -81,9 +81,8 @@ def held_out(predictions: Predictions, session: str, feature_file: str | Path) -
             f"{feature_file}: image {error} (indentation, number) of {predictions.path} is missing; "
             f"evaluate the model again (snakemake -R {predictions.path})"
         ) from None
-    return HeldOut(
-        session, images, len(set(cells)), np.array(force), np.array(label), predictions.disagreement[rows]
-    )
+    known = np.array(force), np.array(label), predictions.disagreement[rows]
+    return HeldOut(session, images, len(set(cells)), *known)
 
 
 def check_held_out(
@@ -125,9 +124,8 @@ def check_held_out(
     reference = read_grey(reference_path(folder))
     shown = list(predict_frames(predictor, frames, reference, session.crop_px, camera))
     off_N = force_differences(predictor.model, shown, known.force_N)
-    largest_N = float(
-        max(np.abs(known.force_N).max(), np.abs(known.label_N).max(), 1e-9)
-    )  # where nothing touches
+    # 1e-9 where nothing touches
+    largest_N = float(max(np.abs(known.force_N).max(), np.abs(known.label_N).max(), 1e-9))
     outputs = [Difference("forces", float(off_N.max() / largest_N), LIMIT, "the largest force")]
     if predictor.model.check:
         share = float(disagreement_differences(predictor.model, shown, known.disagreement).max())
@@ -154,13 +152,10 @@ def disagreement_differences(
 ) -> np.ndarray:
     """Return how far the check of totals is from that expected (n,), as a share of it where it is above 1."""
     assert model.inverse is not None and model.check is not None
-    inverse_total = model.inverse.forces(np.array([prediction.feature for prediction in predictions])).sum(
-        axis=1
-    )
-    answers = [
-        model.check.disagreement(force.sum(axis=1), inverse_total)
-        for force in _forces(model, predictions)[1:]
-    ]
+    feature = np.array([prediction.feature for prediction in predictions])
+    inverse_total = model.inverse.forces(feature).sum(axis=1)
+    totals = (force.sum(axis=1) for force in _forces(model, predictions)[1:])
+    answers = [model.check.disagreement(total, inverse_total) for total in totals]
     answers.append(np.array([prediction.disagreement for prediction in predictions]))
     return np.min([np.abs(answer - expected) for answer in answers], axis=0) / np.maximum(expected, 1)
 
@@ -172,7 +167,5 @@ def _forces(model: OnnxModel, predictions: Sequence[Prediction]) -> list[np.ndar
     """
     raw = model.predict_raw(np.array([prediction.feature for prediction in predictions]))
     zeros = [Zero(k * model.zero.contact_N, k * model.zero.bin_N) for k in (1 - LIMIT, 1 + LIMIT)]
-    return [
-        np.array([prediction.force_N for prediction in predictions]),
-        *(zero.applied(raw) for zero in zeros),
-    ]
+    said = np.array([prediction.force_N for prediction in predictions])
+    return [said, *(zero.applied(raw) for zero in zeros)]

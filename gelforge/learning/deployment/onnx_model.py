@@ -99,9 +99,8 @@ def open_for_prediction(path: str | Path, threads: int = 1) -> OnnxModel:
     """Return the model of a .onnx file, or of a model.pt, which is converted in memory (some seconds) and checked."""
     if Path(path).suffix.lower() == ".onnx":
         return load_onnx(path, threads)
-    from gelforge.learning.deployment.onnx_export import (
-        converted,  # PyTorch, which an exported model does without
-    )
+    # PyTorch, which an exported model does without
+    from gelforge.learning.deployment.onnx_export import converted
 
     return converted(path, threads)
 

@@ -127,10 +127,8 @@ def displacements(
             solutions = solutions + scale * solver.solve_many(left / scale)
         moved[:, axis, free] = solutions[:, equation[free]]
     if mesh.ties is not None:
-        moved = (mesh.ties @ np.moveaxis(moved, 2, 0).reshape(len(mesh.X), -1)).reshape(
-            len(mesh.X), len(dense), 3, 3
-        )
-        moved = np.moveaxis(moved, 0, 2)
+        by_node = mesh.ties @ np.moveaxis(moved, 2, 0).reshape(len(mesh.X), -1)
+        moved = np.moveaxis(by_node.reshape(len(mesh.X), len(dense), 3, 3), 0, 2)
     return moved
 
 
@@ -181,9 +179,8 @@ def seen_flow(
         points, of = points[inside], region[inside]
         if not len(points):
             continue
-        cells, corners = np.unique(
-            mesh.elements[mesh.region == mesh.regions.index(layer[0])], return_inverse=True
-        )
+        elements = mesh.elements[mesh.region == mesh.regions.index(layer[0])]
+        cells, corners = np.unique(elements, return_inverse=True)
         local = interpolation(mesh.X[cells], corners.reshape(-1, 8), points)
         at = sp.csr_matrix((local.data, cells[local.indices], local.indptr), shape=(len(points), nodes))
         J = weight * projection_jacobian(camera, points)  # (n, 2, 3)
@@ -204,11 +201,8 @@ def _heights(
     """
     if dots:
         box = dots_box(dots, sensor)
-        named = next(
-            layer.name
-            for layer, corners in zip(sensor.imaged_layers, gel_boxes(sensor))
-            if corners[0][2] == box[0][2]
-        )
+        layers = zip(sensor.imaged_layers, gel_boxes(sensor))
+        named = next(layer.name for layer, corners in layers if corners[0][2] == box[0][2])
         return [((named, box), -dots.depth_mm, 1.0)]
     layers = [layer for layer in sensor.layers if layer.particle_volume_fraction > 0]
     heights, covered = [], 0.0
@@ -228,8 +222,5 @@ def _heights(
 
 def projection_jacobian(camera: Camera, points: np.ndarray) -> np.ndarray:
     """Return d(pixel)/d(point) (n, 2, 3) [px/mm] at points (n, 3), by central differences."""
-    along = [
-        (project(camera, points + h)[0] - project(camera, points - h)[0]) / (2 * STEP_MM)
-        for h in STEP_MM * np.eye(3)
-    ]
-    return np.stack(along, axis=-1)
+    ends = ((project(camera, points + h)[0], project(camera, points - h)[0]) for h in STEP_MM * np.eye(3))
+    return np.stack([(after - before) / (2 * STEP_MM) for after, before in ends], axis=-1)

@@ -46,13 +46,8 @@ def error_budget_table(predictions: Predictions) -> pd.DataFrame | None:
     ):
         on = ~predictions.untouched[rows]
         p, y, t, q, c = (part[on].astype(float) for part in (predicted, label, true, from_motion, contact))
-        for name, off in (
-            (AGAINST_LABEL, p - y),
-            (OPTICS, p - q),
-            (MECHANICS, y - t),
-            (AGAINST_TRUTH, p - t),
-            (CONTACT_POINT, c),
-        ):
+        offs = {AGAINST_LABEL: p - y, OPTICS: p - q, MECHANICS: y - t, AGAINST_TRUTH: p - t, CONTACT_POINT: c}
+        for name, off in offs.items():
             by_part.setdefault(name, []).append(off)
         by_part.setdefault("pressed", []).append(y != 0)
         by_part.setdefault("flow", []).append(np.stack(flow, axis=1)[on].astype(float))

@@ -132,11 +132,8 @@ def baselines_table(predictions: Predictions) -> pd.DataFrame:
     return pd.DataFrame(rows.values(), index=pd.Index(rows, name="predictor")).reset_index()
 
 
-WALL_SHARES = (
-    (0.0, 0.2),
-    (0.2, 0.35),
-    (0.35, np.inf),
-)  # of the sensor's smaller width, from the nearest wall
+# of the sensor's smaller width, from the nearest wall
+WALL_SHARES = ((0.0, 0.2), (0.2, 0.35), (0.35, np.inf))
 
 
 def errors_by_table(predictions: Predictions) -> pd.DataFrame:
@@ -157,16 +154,8 @@ def errors_by_table(predictions: Predictions) -> pd.DataFrame:
     for by, name, chosen in _classes(predictions):
         if not chosen.any():
             continue
-        figures = errors.figures(chosen)
-        rows.append(
-            {
-                "by": by,
-                "class": name,
-                "rows": int(chosen.sum()),
-                **figures,
-                "disagreeing": _marked(predictions.disagreement[chosen]),
-            }
-        )
+        row = {"by": by, "class": name, "rows": int(chosen.sum()), **errors.figures(chosen)}
+        rows.append(row | {"disagreeing": _marked(predictions.disagreement[chosen])})
     return pd.DataFrame(rows)
 
 
@@ -184,11 +173,8 @@ def _classes(predictions: Predictions) -> Iterator[tuple[str, str, np.ndarray]]:
         yield "place", f"{low * widths.min():.3g}{end} from a wall", touched & (share >= low) & (share < high)
     away = np.round(predictions.nearest_training_mm, 2)
     yield from _lengths("nearest training site", away, touched, 4)
-    for by, names in (
-        ("session", predictions.session),
-        ("phase", predictions.phase),
-        ("indenter", predictions.indenter),
-    ):
+    for by in ("session", "phase", "indenter"):
+        names = getattr(predictions, by)
         for name in np.unique(names[touched]):
             yield by, str(name), touched & (names == name)
 
@@ -264,13 +250,11 @@ def _coverage(predictions: Predictions, touched: np.ndarray) -> list[tuple[str, 
             held[kind] += ((np.abs(off) <= half) & where).reshape(-1, 3).sum(axis=0)
             width[kind] += np.where(where, half, 0.0).reshape(-1, 3).sum(axis=0)
             count[kind] += where.reshape(-1, 3).sum(axis=0)
+    quantities = (("share inside the 90 % interval", held, "1"), ("mean half width", width, "N"))
     return [
         (f"{kind}, {axis}: {what}", float(value), unit)
         for kind in kinds
-        for what, sums, unit in (
-            ("share inside the 90 % interval", held, "1"),
-            ("mean half width", width, "N"),
-        )
+        for what, sums, unit in quantities
         for axis, value in zip("xyz", _ratio(sums[kind], count[kind]))
     ]
 

@@ -223,10 +223,8 @@ _DESCRIPTIONS = {
 def _create(
     file: h5py.File, name: str, shape, kind, unit: str, description: str = "", chunks=None
 ) -> h5py.Dataset:
-    compression = (
-        {"compression": "gzip", "compression_opts": 1, "shuffle": True, "chunks": chunks} if chunks else {}
-    )
-    data = file.create_dataset(name, shape, kind, **compression)
+    compression = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "chunks": chunks}
+    data = file.create_dataset(name, shape, kind, **(compression if chunks else {}))
     data.attrs["units"], data.attrs["description"] = unit, description or _DESCRIPTIONS[name]
     return data
 

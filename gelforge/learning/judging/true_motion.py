@@ -100,11 +100,10 @@ def write_truth(
     group, bins = file.create_group("truth"), predicted.shape[1]
     group.attrs["mm_per_px"] = truth.mm_per_px
     for name, (unit, description) in DESCRIPTIONS.items():
-        shape = {"chunks": (1, bins, 3), "compression": "gzip", "compression_opts": 1, "shuffle": True}
+        packing = {"chunks": (1, bins, 3), "compression": "gzip", "compression_opts": 1, "shuffle": True}
         per_bin = name.endswith("_N")
-        data = group.create_dataset(
-            name, (len(rows), *((bins, 3) if per_bin else ())), "f4", **(shape if per_bin else {})
-        )
+        shape = (len(rows), bins, 3) if per_bin else (len(rows),)
+        data = group.create_dataset(name, shape, "f4", **(packing if per_bin else {}))
         data.attrs["units"], data.attrs["description"] = unit, description
     for start in range(0, len(rows), BLOCK):
         index = np.arange(start, min(start + BLOCK, len(rows)))

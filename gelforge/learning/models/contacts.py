@@ -71,9 +71,8 @@ def _parts(pressing: np.ndarray, region: np.ndarray) -> Iterator[np.ndarray]:
         np.maximum.at(tops, pieces, np.where(pieces > 0, pressing, 0.0))
         cores = np.flatnonzero(VALLEY * tops >= level)
         if len(cores) > 1:
-            nearest = distance_transform_edt(
-                ~np.isin(pieces, cores), return_distances=False, return_indices=True
-            )
+            away = ~np.isin(pieces, cores)
+            nearest = distance_transform_edt(away, return_distances=False, return_indices=True)
             owner = pieces[tuple(nearest)]
             for number in cores:
                 yield from _parts(pressing, region & (owner == number))

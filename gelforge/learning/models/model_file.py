@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -27,6 +28,7 @@ DECIDING = {
     "bins": "sensor.bins",
     "sensor_width_mm": "the sensor's width [mm]",
 }
+PARTS = {"zero": Zero, "intervals": Intervals, "inverse": Inverse, "check": Check}  # of a model in its file
 LARGEST_OUTPUT = 1e4  # in units of Scaling.output_scale; trained networks stay below some hundred
 
 
@@ -106,16 +108,14 @@ def save_model(path: str | Path, model: Model) -> None:
         "weights": model.network.state_dict(),
         "scaling": _tensors(model.scaling),
         "settings": model.settings,
-        "zero": _tensors(model.zero),
-        "intervals": _tensors(model.intervals) if model.intervals else None,
-        "inverse": _tensors(model.inverse) if model.inverse else None,
-        "check": _tensors(model.check) if model.check else None,
     }
-    save_tensors(path, content)
+    save_tensors(path, content | {name: _tensors(getattr(model, name)) for name in PARTS})
 
 
-def _tensors(values) -> dict:
-    return {k: torch.from_numpy(v) if isinstance(v, np.ndarray) else v for k, v in asdict(values).items()}
+def _tensors(values) -> dict | None:
+    return values and {
+        k: torch.from_numpy(v) if isinstance(v, np.ndarray) else v for k, v in asdict(values).items()
+    }
 
 
 def _arrays(values: dict) -> dict:
@@ -242,9 +242,8 @@ def implausible(model: Model) -> str:
     for ending in ("half_N", "sigma_N", "singular"):
         if any(values.min(initial=0) < 0 for name, values in numbers.items() if name.endswith(ending)):
             return f"a number of {ending} is negative"
-    reach = max(
-        np.abs(values).max(initial=0) for name, values in numbers.items() if name.startswith("weights")
-    )
+    weights = (values for name, values in numbers.items() if name.startswith("weights"))
+    reach = max(np.abs(values).max(initial=0) for values in weights)
     with torch.inference_mode():
         count = len(scaling.input_mean) + (scaling.output_mean.size if model.reads_inverse else 0)
         signs = torch.tensor([[1.0], [-1.0]]).expand(-1, count)
@@ -265,9 +264,10 @@ def _model_from(content: dict) -> Model:
     network = make_network(Learning.model_validate(settings["learning"]), grids, seed=0)
     network.load_state_dict(content["weights"])
     network.eval()
-    intervals = Intervals(**_arrays(content["intervals"])) if content["intervals"] else None
-    inverse = Inverse(**_arrays(content["inverse"])) if content["inverse"] else None
-    if inverse is None and network_of(settings["learning"]["network"]).reads_inverse:
+    parts: dict[str, Any] = {
+        name: kind(**_arrays(content[name])) if content[name] else None for name, kind in PARTS.items()
+    }
+    model = Model(network, scaling, settings, **parts)
+    if model.inverse is None and model.reads_inverse:
         raise ValueError("a network that reads the inverse, without it")
-    check = Check(**_arrays(content["check"])) if content["check"] else None
-    return Model(network, scaling, settings, Zero(**_arrays(content["zero"])), intervals, inverse, check)
+    return model

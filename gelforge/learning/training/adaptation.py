@@ -209,14 +209,11 @@ def _left_out(said: np.ndarray, presses: Presses, axes: tuple) -> float:
 
 
 def _with_gain(model: Model, gain: np.ndarray) -> Model:
-    scaling = model.scaling
-    scaling = replace(
-        scaling, output_scale=scaling.output_scale * gain, output_mean=scaling.output_mean * gain
-    )
+    scale, mean = model.scaling.output_scale * gain, model.scaling.output_mean * gain
+    scaling = replace(model.scaling, output_scale=scale, output_mean=mean)
     # thresholds are of lengths that the vertical force decides
-    zero = replace(
-        model.zero, contact_N=float(model.zero.contact_N * gain[2]), bin_N=float(model.zero.bin_N * gain[2])
-    )
+    contact_N, bin_N = (float(length * gain[2]) for length in (model.zero.contact_N, model.zero.bin_N))
+    zero = replace(model.zero, contact_N=contact_N, bin_N=bin_N)
     intervals = _scaled(model.intervals, gain, np.ones(3)) if model.intervals else None
     check = replace(model.check, gain=model.check.gain * gain) if model.check else None
     return replace(model, scaling=scaling, zero=zero, intervals=intervals, check=check)
@@ -247,10 +244,8 @@ def _widening(model: Model, presses: Presses) -> np.ndarray:
 
 def predicted(model: Model, feature: np.ndarray) -> np.ndarray:
     """Return distributions (n, B, 3) [N] of features (n, F), a block at a time."""
-    blocks = np.array_split(feature, -(-len(feature) // BLOCK))
-    return np.concatenate(
-        [model.predict(part) for part in tracked(blocks, f"blocks of {BLOCK} rows predicted")]
-    )
+    blocks = tracked(np.array_split(feature, -(-len(feature) // BLOCK)), f"blocks of {BLOCK} rows predicted")
+    return np.concatenate([model.predict(part) for part in blocks])
 
 
 def errors_table(models: dict[str, Model], presses: Presses) -> pd.DataFrame:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -44,11 +45,8 @@ class Optimiser:
         others = [w for w in weights if id(w) not in taken]
         self._parts = [torch.optim.AdamW(others, lr=rate, weight_decay=WEIGHT_DECAY, fused=True)]
         if self._kernels:
-            matrices = [matrix for _, matrix in self._kernels]
-            muon = torch.optim.Muon(
-                matrices, lr=rate, weight_decay=WEIGHT_DECAY, adjust_lr_fn="match_rms_adamw"
-            )
-            self._parts.append(muon)
+            muon = partial(torch.optim.Muon, weight_decay=WEIGHT_DECAY, adjust_lr_fn="match_rms_adamw")
+            self._parts.append(muon([matrix for _, matrix in self._kernels], lr=rate))
 
     def step(self, loss: torch.Tensor, done: int) -> None:
         """Change the weights against the gradient of a loss, after `done` steps."""

@@ -152,12 +152,10 @@ def train(
     optimiser = Optimiser(network, learning)
     losses = _resume(checkpoint_path, settings, network, optimiser)
     groups = None if plan.as_article else images_of_presses(rows, training)
-    batches = Batches(
-        rows, training, scaling, learning.batch_size, study.seed, run.buffer_rows, groups, forces
-    )
+    size, reading = learning.batch_size, (study.seed, run.buffer_rows)
+    batches = Batches(rows, training, scaling, size, *reading, groups, forces)
     monitored = one_of_each_press(rows, validation)
-    size = max(learning.batch_size, 256)
-    watched = Batches(rows, monitored, scaling, size, study.seed, run.buffer_rows, more=forces)
+    watched = Batches(rows, monitored, scaling, max(size, 256), *reading, more=forces)
 
     done = losses[-1][0] if losses else 0
     stop = min(learning.steps, done + run.stop_after) if run.stop_after else learning.steps
@@ -230,12 +228,7 @@ def plan_of(study: Study, rows: ShardDataset, training: np.ndarray) -> tuple[Pla
 
 
 def one_pass(
-    network: torch.nn.Module,
-    optimiser: Optimiser,
-    batches: Batches,
-    number: int,
-    done: int,
-    plan: Plan,
+    network: torch.nn.Module, optimiser: Optimiser, batches: Batches, number: int, done: int, plan: Plan
 ) -> tuple[int, float]:
     """Take a pass over the training rows after `done` steps, cut at the last one; return steps done and mean loss by row."""
     network.train()
@@ -371,11 +364,11 @@ def _trained_on(sessions: dict[str, dict]) -> str:
 
 
 def _save_checkpoint(path: Path, settings: dict, network, optimiser, losses: list[tuple]) -> None:
+    state = {"weights": network.state_dict(), "optimiser": optimiser.state_dict()}
     content = {
         "format": CHECKPOINT_FORMAT,
         "settings": settings,
-        "weights": network.state_dict(),
-        "optimiser": optimiser.state_dict(),
+        **state,
         "losses": [list(row) for row in losses],
     }
     save_tensors(path, content)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares, nnls
 
 from gelforge.materials.basis.common_form import MaterialTest
-from gelforge.materials.basis.statistics import percentile_interval, resampled
+from gelforge.materials.basis.statistics import ROWS_OF_SCATTER, percentile_interval, resampled
 from gelforge.materials.covariates.effects import NEGLIGIBLE
 
 # Relaxation of SYNTHETIC samples is found, in ramps too (tests/materials/test_measured_effects.py):
@@ -23,7 +23,7 @@ BINS_PER_DECADE = 15  # rows are averaged in equal bins of log time: late, dense
 # Closer times cannot be distinguished: the kernel exp(-t/tau) is a decade wide (Baumgaertel & Winter 1989, one to two a
 # decade).
 TERMS_PER_DECADE = 2
-LEAST_POINTS = 8
+LEAST_POINTS = ROWS_OF_SCATTER
 # one more term must lower Schwarz' criterion by this much ("very strong", Kass and Raftery 1995)
 BIC_GAIN = 10.0
 # The level of an interval's end is then known to 1.6 %: sqrt(0.025 * 0.975 / 100) (Efron & Tibshirani 1993, ch. 19).
@@ -178,7 +178,8 @@ def _chosen_times(time, stress, ramp) -> np.ndarray:
     low, high = _window(time, ramp)
     decades = np.log10(high / low)
     most = max(1, min(int(TERMS_PER_DECADE * decades), len(time) // 3))
-    best, best_bic = None, np.inf
+    best: np.ndarray | None = None
+    best_bic = np.inf
     for k in range(1, most + 1):
         edges = np.linspace(np.log10(low), np.log10(high), k + 1)
         times = _refined(time, stress, 10 ** (edges[:-1] + np.diff(edges) / 2), ramp)

@@ -14,19 +14,14 @@ import numpy as np
 import pandas as pd
 
 from gelforge.csv_table import TableError, read_csv
+from gelforge.materials.basis.statistics import ROWS_OF_CURVE
 from gelforge.materials.imaging.apex_shape import SilhouetteError, apex_shape, flat_row_px
 from gelforge.progress import tracked
 
-# Tracked rows below which there is no curve: one more than the 4 parameters of a model of two terms (Ogden 1972).
-LEAST_ROWS = 5
 PICTURE_COLUMNS = ("image", "top_image", "side_image")
 WINDOW_COLUMNS = ("window_x_px", "window_y_px", "window_width_px", "window_height_px")
-PICTURE_SETTINGS = (
-    *WINDOW_COLUMNS,
-    "patch_px",
-    "mm_per_px",
-    "camera_distance_mm",
-)  # of samples.csv, all optional
+# of samples.csv, all optional
+PICTURE_SETTINGS = (*WINDOW_COLUMNS, "patch_px", "mm_per_px", "camera_distance_mm")
 
 
 def has_pictures(path: str | Path) -> bool:
@@ -178,8 +173,8 @@ def _left_out(path: Path, reasons: list[str]) -> list[str]:
 
 
 def _check_enough(path: Path, number: int, reasons: list[str]) -> None:
-    if number < LEAST_ROWS:
+    if number < ROWS_OF_CURVE:
         raise TableError(
-            f"{path}: {number} pictures could be measured, {LEAST_ROWS} at least are needed; the first that could not:"
+            f"{path}: {number} pictures could be measured, {ROWS_OF_CURVE} at least are needed; the first that could not:"
             f" {reasons[0] if reasons else 'none'}. Speckle the piece finely, light it evenly, or take frames more often"
         )

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from gelforge.materials.basis.common_form import IndentationTest
-from gelforge.materials.basis.statistics import percentile_interval, resampled
+from gelforge.materials.basis.statistics import ROWS_OF_SCATTER, percentile_interval, resampled
 from gelforge.robust import SIGMA_OF_MEDIAN
 
 # Of an incompressible bonded layer (Dimitriadis et al. 2002, eq. 13).
@@ -28,7 +28,7 @@ LARGEST_DEPTH_TO_RADIUS = 0.3  # the parabola stands for the ball: Hertz is then
 # of the travel in contact; the sample's share is then the small difference of large numbers
 LARGEST_GIVE = 0.7
 # The modulus is found to 1 %, and 95 % intervals hold it in 34 of 40 draws at least (tests/materials/test_small_tests.py):
-LEAST_ROWS = 8  # in contact
+LEAST_ROWS = ROWS_OF_SCATTER  # in contact
 BEFORE_START = 0.05  # of the travel: machines that zero where they touch begin so near to the contact
 AT_TOUCH = 0.98  # share of rows in contact from which there is none left that shows the force at rest
 LARGEST_SHIFT = 0.1  # of the largest push, between the baselines before and after an indentation

@@ -177,7 +177,8 @@ def _adhesion(test: IndentationTest) -> MeasuredEffect:
         )
     pulled = adhesion(test.in_segment(into), test.in_segment(out))
     noise = 2 * pulled.noise_N / pulled.largest_push_N
-    verdict, interval, source = "cannot be judged", None, "none: the ball stays attached"
+    interval: tuple[float, float] | None = None
+    verdict, source = "cannot be judged", "none: the ball stays attached"
     if pulled.detached:
         verdict = "significant adhesion" if "significant" in pulled.sentence else "negligible"
         interval, source = (
