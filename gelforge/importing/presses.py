@@ -20,24 +20,23 @@ SMOOTH_S = 0.02  # a period of 50 Hz mains, and the grid of the lags
 # 12 mN no indentation is lost or invented (tests/importing/test_presses.py).
 NOISE = 6.0
 # And steps of its resolution. A reading that is rounded moves by one step at rest and by two at most between
-# neighbours; quantised logs keep their indentations (tests/importing/test_presses.py).
+# neighbours.
 STEPS = 2.0
-# In contact: shorter is a knock. A sixth of the shortest wait by default (`least_dwell_s`); knocks are no indentations
-# (tests/importing/test_presses.py).
+# In contact: shorter is a knock. A sixth of the shortest wait by default (`least_dwell_s`).
 LEAST_TOUCH_S = 0.05
-# Before and after contact that every log must hold. The three zero readings need 0.1 s and 0.1 s before contact; logs
-# that begin or end later are refused (tests/importing/test_presses.py).
+# Before and after contact that every log must hold. Zero needs LEAST_ZERO_S and CLEAR_S of it; logs
+# that begin later are refused (tests/importing/test_presses.py).
 COVERED_S = 0.3
-# The zero phase is the last of the rest before contact. Long against noise, short against drift over a minute: zeros
-# follow a drift in tests/importing/test_presses.py.
+# The zero phase is the last of the rest before contact. Long against noise, and short
+# against drift over a minute.
 ZERO_S = 2.0
-# Five smoothed samples of the force at rest. Shorter rests are refused by name (tests/importing/test_presses.py).
+# Five smoothed samples of the force at rest.
 LEAST_ZERO_S = 0.1
 # From the zero phase to contact. Five smoothing windows, and twice the error to which contact points are found
 # (tests/importing/test_presses.py).
 CLEAR_S, CLEAR_MM = 0.1, 0.02
-# After contact was lost, before the next zero phase. Fifteen smoothing windows (SMOOTH_S): a gel that recovers does not
-# enter the next zero (tests/importing/test_presses.py).
+# After contact was lost, before the next zero phase. Fifteen smoothing windows (SMOOTH_S),
+# in which a gel recovers most.
 AFTER_S = 0.3
 # Of the indentation's largest force, lost within so long while the stage does not retreat: relaxation by 40 % with 0.6 s
 # loses 6 % and passes, a slip of 90 % is refused (tests/importing/test_presses.py).

@@ -20,7 +20,7 @@ from gelforge.indentation.paths.places import POSITION_MATCH_MM, gaps_to, within
 # (tests/importing/test_session_folder.py).
 LEAVING_S = 0.03
 # Of readings on a ramp, which ends in one of its own. Ten times the 0.005 mm by which depths count as different; ramps
-# keep one reading at the top (tests/importing/test_session_folder.py).
+# keep one reading at the top (tests/importing/test_one_table.py).
 CLEAR_OF_TOP_MM = 0.05
 COLUMNS = ["press", "cell", "order", "time_s", "phase", "x_mm", "y_mm", "depth_mm", "speed_mm_per_s", "dwell_s",
            "fx_N", "fy_N", "fz_N", "image"]  # fmt: skip

@@ -24,8 +24,8 @@ from gelforge.synthesis.moved import MovedPresses
 from gelforge.synthesis.straight import StraightPresses
 from gelforge.virtual_lab.particles import VirtualLabError, interpolation
 
-# Presses of one image series; each series has particles, camera and light of its own. With 17 images a series,
-# particles are placed often enough that networks do not learn one serial (benchmarks/transfer.py).
+# Presses of one image series; each series has particles, camera and light of its own.
+# benchmarks/transfer.py prints what networks trained on such series err by.
 SERIES_ROWS = 16
 
 

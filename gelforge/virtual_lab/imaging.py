@@ -9,11 +9,10 @@ import numpy as np
 from gelforge.config import Camera, VirtualImaging, given
 from gelforge.recording.optics.camera import project, px_per_mm
 
-# Share of light that reaches a ball's rim; the lamps stand around the lens, so its middle is brightest. Matte balls
-# under a ring of lamps; flow finds them to 0.05 px (tests/virtual_lab/test_imaging.py).
+# Share of light that reaches a ball's rim; the lamps stand around the lens, so its middle is brightest. Flow of
+# such balls is found to 0.05 px (tests/virtual_lab/test_imaging.py).
 AMBIENT = 0.45
-# Share of brightness lost from the nearest to the farthest particle. Near and far particles stay apart in brightness
-# (tests/virtual_lab/test_imaging.py).
+# Share of brightness lost from the nearest to the farthest particle.
 FADE = 0.35
 
 

@@ -16,8 +16,7 @@ from gelforge.progress import tracked
 from gelforge.recording.optics.camera import project
 
 PACKAGE = "rerun-sdk"  # of 170 MB: not in the extra
-# N of a bin that is drawn as long as a bin is wide (no result depends on it). Bins of the article's sensor carry up to
-# some hundredths of a newton (Sferrazza et al. 2019, table 4).
+# N of a bin that is drawn as long as a bin is wide (no result depends on it).
 FULL = 0.05
 USE = """\
 `rerun FOLDER/train.rrd` (or validation, test) opens the recording: the image with the force of each bin over it, the same
