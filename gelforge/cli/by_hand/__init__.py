@@ -1,1 +1,4 @@
-"""Commands by hand: press once, fit a material, import logs, verify the solver, judge a recording."""
+"""Commands that people call on files of their own: press once, fit a material, import logs, verify, judge, calibrate.
+
+`commands` has their arguments.
+"""

@@ -8,7 +8,7 @@ from pathlib import Path
 def verify(out: Path | None, only: list[str] | None) -> None:
     """Run checks of the finite elements, all if none is named, print and write the table; fail beyond a limit."""
     from gelforge.files import write_table
-    from gelforge.verification.check import VerificationFailed, check_table
+    from gelforge.verification import VerificationFailed, check_table
     from gelforge.verification.run import CHECKS, run_checks
 
     if unknown := set(only or []) - set(CHECKS):

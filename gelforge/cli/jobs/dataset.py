@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.products.dataset import agreement_inputs, shard_paths
-from gelforge.cli.products.laws import read_laws
-from gelforge.cli.products.sessions import feature_path, image_sessions, own_labels, session_of
-from gelforge.cli.products.sites import cell_path
+from gelforge.cli.products import (
+    agreement_inputs,
+    cell_path,
+    feature_path,
+    image_sessions,
+    own_labels,
+    read_laws,
+    session_of,
+    shard_paths,
+)
 from gelforge.config import ConfigError, load_study
 
 

@@ -6,8 +6,7 @@ from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
-from gelforge.cli.products.laws import study_laws
-from gelforge.cli.products.sites import cell_path, print_outcome, site_path
+from gelforge.cli.products import cell_path, print_outcome, site_path, study_laws
 from gelforge.config import ConfigError, Study, given, load_study
 from gelforge.progress import tracked
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.products.sessions import print_findings, recording_of
+from gelforge.cli.products import print_findings, recording_of
 from gelforge.config import load_study
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.products.dataset import agreement_inputs, shard_paths
-from gelforge.cli.products.laws import own_laws
-from gelforge.cli.products.sessions import image_sessions, session_of
+from gelforge.cli.products import agreement_inputs, image_sessions, own_laws, session_of, shard_paths
 from gelforge.config import load_study
 
 # The study whose report shows the article's numbers, and where they are.

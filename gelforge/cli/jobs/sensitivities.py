@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.products.sites import planned_cell
+from gelforge.cli.products import planned_cell
 from gelforge.config import load_study
 
 

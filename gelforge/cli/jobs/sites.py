@@ -6,9 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gelforge.cli.jobs.interpolation import between_site
-from gelforge.cli.products.laws import study_laws
-from gelforge.cli.products.sessions import session_of, session_presses
-from gelforge.cli.products.sites import planned_cell, print_outcome
+from gelforge.cli.products import planned_cell, print_outcome, session_of, session_presses, study_laws
 from gelforge.config import ConfigError, Study, load_study, session_study, variant_study
 from gelforge.laws_of_study import laws_and_doubts
 

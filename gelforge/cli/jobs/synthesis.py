@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.products.laws import study_laws
+from gelforge.cli.products import study_laws
 from gelforge.config import ConfigError, Study, load_study
 from gelforge.laws_of_study import laws_and_doubts
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.products.sites import planned_cell, print_outcome
-from gelforge.cli.products.virtual_lab import truth_folder, virtual_lab_of
+from gelforge.cli.products import planned_cell, print_outcome, truth_folder, virtual_lab_of
 from gelforge.config import ConfigError, load_study
 
 

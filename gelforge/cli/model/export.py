@@ -27,7 +27,7 @@ def export_model(model: Path | None = None, out: Path | None = None, study: Path
 
 def onnx_check(study: Path, model: Path, out: Path) -> None:
     """Compare ONNX Runtime with PyTorch on held-out images of the first session that has some, and write what was found."""
-    from gelforge.cli.products.sessions import feature_path, image_sessions, session_of
+    from gelforge.cli.products import feature_path, image_sessions, session_of
     from gelforge.learning.deployment.held_out import check_held_out, held_out
     from gelforge.learning.deployment.onnx_check import write_check
     from gelforge.learning.judging.predictions import Predictions

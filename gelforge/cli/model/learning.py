@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gelforge.cli.products.dataset import shard_paths
-from gelforge.cli.products.virtual_lab import truth_folder, virtual_lab_of
+from gelforge.cli.products import shard_paths, truth_folder, virtual_lab_of
 from gelforge.config import Study, load_study
 from gelforge.progress import Stages, stage
 

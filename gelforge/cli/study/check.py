@@ -7,8 +7,7 @@ from pathlib import Path
 
 from gelforge.cli.camera.pose import scale_line
 from gelforge.cli.extras import missing_for_onnx
-from gelforge.cli.products.sessions import print_findings
-from gelforge.cli.products.virtual_lab import virtual_lab_of
+from gelforge.cli.products import print_findings, virtual_lab_of
 from gelforge.cli.study.cost import estimate
 from gelforge.cli.study.split_and_sessions import check_split, print_unnamed
 from gelforge.config import ConfigError, Session, Study, load_session, load_study

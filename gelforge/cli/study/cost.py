@@ -38,13 +38,13 @@ DEPTHS = 8  # of every measured cell
 # A press on a sensor that softens, coarse-mesh solution included, measured on the article's sensor with 5556 degrees of
 # freedom: a step takes 1.6 times that of a plain cell, and what is left behind 3.2 s on 0.44 million points of both grids.
 SOFTENING_STEP, GRID_POINT_S = 1.6, 7e-6
-# Seconds as the benchmark tables of the demo have them (results/demo/benchmarks/): a label between solved sites, with what
-# decides which they are; a job beyond its cells, a fork of a process that has loaded everything; a process of its own with
-# its compiled kernels; a training row, drawn as indentation, image and flow.
+# Seconds, estimated; results/<study>/benchmarks/ has what a run took: a label between solved sites, with what decides which
+# they are; a job beyond its cells, a fork of a process that has loaded everything; a process of its own with its compiled
+# kernels; a training row, drawn as indentation, image and flow.
 INTERPOLATED_S, JOB_S, START_S, ROW_S = 0.1, 0.6, 3.0, 0.05
 SECOND_LEVEL = 1  # where an interpolated plan usually ends: one halving of the first spacing
 SENSITIVITIES = 1.3  # of a site with its error bars: all derivatives (benchmarks/sensitivity_cost.py)
-# As JOB_S (results/demo/benchmarks/): a material's fits, all checks of the finite elements, the page; a model as ONNX,
+# The same (results/<study>/benchmarks/) of a material's fits, all checks of the finite elements, the page; a model as ONNX,
 # images of held-out sites by ONNX Runtime.
 FIT_S, VERIFY_S, REPORT_S, EXPORT_S, ONNX_CHECK_S = 5.0, 40.0, 10.0, 10.0, 5.0
 WITHOUT_BARS = 0.8  # of a cell with error bars, which cost a second solution on a mesh of twice the sizes

@@ -1,1 +1,1 @@
-"""What every section shares, and YAML as text."""
+"""What all sections are made from: variants, and YAML as text; `gelforge.section` has names and ranges."""

@@ -1,1 +1,1 @@
-"""The sections of a study."""
+"""The sections of a study, a module for each; `gelforge.config` exports them."""

@@ -1,1 +1,1 @@
-"""Sessions of recordings, measured and virtual."""
+"""Sessions of recordings, measured and virtual, and training sets from simulated sensors."""

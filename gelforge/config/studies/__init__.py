@@ -1,1 +1,1 @@
-"""Studies, and their files."""
+"""Whole studies: their keys, their files, and a study as a variant or a session changes it."""
