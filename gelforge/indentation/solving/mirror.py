@@ -51,10 +51,8 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], plann
     if name is None:
         raise ValueError(f"site {planned.name} mirrors no other; solve it")
     arrays: dict[str, np.ndarray] = {}
-    for (
-        key,
-        array,
-    ) in source.arrays.items():  # an interpolated source has no nodes, a failed one perhaps nothing
+    # An interpolated source has no nodes, a failed one perhaps nothing.
+    for key, array in source.arrays.items():
         if key in UNCHANGED:
             arrays[key] = array
         elif key in POINTS:
