@@ -15,6 +15,7 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 
 # Shear and tilt are zero: a site that shears or tilts is solved itself.
 UNCHANGED = {"depth_mm", "shear_mm", "tilt_deg", "node_area_mm2", "node_state"}
+POINTS = {"node_xy_mm", "indenter_mm"}
 VECTORS = {"total_force_N", "reaction_N", "side_force_N", "bin_force_N", "bin_normal_N", "bin_shear_N"}
 VECTORS |= {"node_normal_N", "node_shear_N", "node_displacement_mm"}
 
@@ -49,19 +50,18 @@ def mirror_cell(source: Cell, study: Study, laws: dict[str, PrincipalLaw], plann
     name, width, n = planned.symmetry, study.sensor.width_x_mm, study.sensor.bins.nx
     if name is None:
         raise ValueError(f"site {planned.name} mirrors no other; solve it")
+    arrays: dict[str, np.ndarray] = {}
     # An interpolated source has no nodes, a failed one perhaps nothing.
-    held, arrays = source.arrays, {}
-    for key in held.keys() & UNCHANGED:
-        arrays[key] = held[key]
-    for key in held.keys() & (VECTORS | ERROR_BARS):
-        moved = (
-            transform_bins(name, held[key], n)
-            if key.startswith("bin")
-            else transform_vectors(name, held[key])
-        )
-        arrays[key] = np.abs(moved) if key in ERROR_BARS else moved
-    for key in held.keys() & {"node_xy_mm", "indenter_mm"}:
-        arrays[key] = transform_points(name, held[key], width)
+    for key, array in source.arrays.items():
+        if key in UNCHANGED:
+            arrays[key] = array
+        elif key in POINTS:
+            arrays[key] = transform_points(name, array, width)
+        elif key in VECTORS | ERROR_BARS:
+            moved = (
+                transform_bins(name, array, n) if key.startswith("bin") else transform_vectors(name, array)
+            )
+            arrays[key] = np.abs(moved) if key in ERROR_BARS else moved
     identity = {
         "cell": planned.name,
         "x_mm": planned.x_mm,
