@@ -69,8 +69,6 @@ def test_mean_motion_of_a_shifted_and_a_growing_picture_and_its_slope():
     assert_allclose(np.tensordot(slope, step, 2), difference, atol=5e-3 * np.abs(difference).max())
 
 
-
-
 def test_scatter_parts_what_regions_and_neighbours_share():
     """ARTIFICIAL flows off by a share of 10 % per region, and by 0.05 px in every image: each is found, within 10 %."""
     rng, K = np.random.default_rng(1), 40

@@ -87,8 +87,6 @@ def test_effects_of_a_line_correlate_all_and_the_limit_has_the_stated_snr(world)
     assert detection_limits(covariance, [nothing]) == [(nothing, 0, np.inf)]
 
 
-
-
 def test_what_the_limit_promises(world):
     """At the limit the scan sees a change mostly, at half of it hardly: why 4 is the limit."""
     context, covariance, candidates = world

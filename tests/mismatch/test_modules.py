@@ -160,6 +160,7 @@ def test_a_map_of_one_number_is_an_effect_and_one_place_or_press_has_none():
 def test_a_body_softer_to_one_side_is_said_and_its_correction_needs_a_sure_cause(modulus, tmp_path):
     # A body softer to one side is said with its map
     body = tmp_path / "body"
+    body.mkdir()
     hidden, found = modulus
     said = verdict(hidden, found)
     assert found.state == "identified" and said.model.cause == "modulus_map" and said.model.sure
@@ -196,8 +197,6 @@ def test_a_body_softer_to_one_side_is_said_and_its_correction_needs_a_sure_cause
     for model in (None, said.model.model_copy(update={"probability": 0.8})):
         with pytest.raises(ValueError, match="without an answer"):
             Verdict.model_validate(said.model_copy(update={"model": model}).model_dump())
-
-
 
 
 def test_the_patched_study_has_the_map_and_a_gel_of_another_form_relaxes():
@@ -254,8 +253,6 @@ def test_a_form_counts_for_what_it_generalises_and_causes_share_the_chances(modu
     # Chances of manners add up to that of something unknown
     posterior = modulus[1].posterior
     assert sum(posterior.kernels.values()) == pytest.approx(posterior.holding([UNKNOWN]), abs=1e-9)
-
-
 
 
 def terms(context):
@@ -329,5 +326,3 @@ def test_an_effect_of_the_catalogue_stays_preferred():
     found = judge(hidden, SETTINGS, seed=1)
     assert found.state == "identified" and found.answer.sure[0].members[0] == "force_gain"
     assert found.posterior.holding([UNKNOWN]) < 0.2
-
-

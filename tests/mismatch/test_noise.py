@@ -59,14 +59,10 @@ def test_size_and_tails_are_those_of_the_repeats_and_wide_steps_are_taken_as_the
     assert "6 repeated readings" in said[0]
 
 
-
-
 @pytest.mark.parametrize("repeatability_N", [None, 0.004])
 def test_the_step_is_that_of_the_file_and_not_of_the_data_sheet(repeatability_N):
     noise, rounding, _, _ = reading_noise(recording(drawn(False), 0.001, 400, repeatability_N, 0.03))
     assert not rounding.any() and noise == pytest.approx(np.hypot(SIGMA, 0.001 / np.sqrt(12)), rel=0.1)
-
-
 
 
 def test_steps_are_found_beneath_the_digits_and_a_resolution_counts_if_none_are():
@@ -176,8 +172,6 @@ def pressed(by, off, depths=(0.5, 1.0), sigma=0.0, sites=1):
     )
 
 
-
-
 # ------------------------------------------------------------------------------------------------------- time of touch
 def timed(**columns):
     """Return the time since touch of a press that is read 1 mm deep 20 s after its zero, and what is not known of it."""
@@ -190,5 +184,3 @@ def timed(**columns):
     session = SimpleNamespace(session="s", sensor_age_days=None, temperature_C=None)
     told = []
     return _table(session, readings, 0.5, told)["press_time_s"].to_numpy()[-2:], told
-
-

@@ -68,8 +68,6 @@ def test_half_way_is_half_of_either(share):
     assert found == {6: pytest.approx(1 - share), 7: pytest.approx(share)}
 
 
-
-
 def bubble(context, place, amount=1.0):
     """Return the change (R, 3) [N] by a bubble at any place."""
     table = context.observations.table
@@ -249,7 +247,3 @@ def test_evidence_is_averaged_over_errors_of_form():
     assert fit.log_bayes_factor - best.log_bayes_factor == pytest.approx(
         found.log_bayes_factor - found.best_log_bayes_factor
     )
-
-
-
-

@@ -52,8 +52,6 @@ def test_dead_weights_tell_a_gain_and_the_spread_of_a_cut_range_is_read_from_the
     assert spread(0.5, 0.0, top) == spread(1.6, top, top) == width
 
 
-
-
 def test_planned_readings_are_those_that_would_be_judged():
     planned = planned_observations(STUDY, dwell_s=(1.0, 2.0), ways_up=(0.5,), ages_days=(0.0, 30.0))
     table = planned.table

@@ -98,8 +98,6 @@ def test_every_reading_has_its_place_and_presses_alike_in_time_are_solved_once()
             assert np.abs(np.diff([0.0, *path.depths_mm])).max() <= 0.25 + 1e-9
 
 
-
-
 def test_what_has_a_place_is_solved_only_where_it_is_felt():
     found = observations()
     site = found.table["site"].to_numpy()

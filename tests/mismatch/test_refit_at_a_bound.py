@@ -65,7 +65,3 @@ def test_what_a_bound_holds_back_is_reached_within_the_physical_range():
     assert interval(compliance, 0.3, 0.1)[0] == pytest.approx(0.3 - 0.1645, abs=1e-4)
     assert interval(compliance, compliance.bounds[1], 0.1)[1] == compliance.bounds[1]
     assert interval(turn, 0.0, 1.0)[0] == pytest.approx(-1.645, abs=1e-3)
-
-
-
-

@@ -50,10 +50,6 @@ def _speed(t):
     return np.interp(t, [0, 2, 2, 6, 6, 8, 8, 10], np.repeat([0.2, 0, -0.15, 0.075], 2))
 
 
-
-
-
-
 @pytest.mark.parametrize("steps", [2, 7])
 def test_rows_that_lie_far_apart_are_walked_in_steps(steps):
     few = np.linspace(0, 1, steps)

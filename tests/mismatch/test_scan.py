@@ -70,8 +70,6 @@ def test_scan_is_calibrated_and_what_was_fitted_neither_helps_nor_harms(recordin
     assert global_test(r, covariance, np.column_stack([J, J])).degrees == len(r) - 5
 
 
-
-
 REPEATS, RECORDINGS = 60, 60
 
 
@@ -115,8 +113,6 @@ def test_noise_that_was_estimated_and_heavy_tails_do_not_raise_the_global_test(r
     }
     assert np.mean(np.array(p[4.0]) < 0.05) < 0.08  # 400 draws: two and a half standard errors
     assert np.mean(np.array(p[1.0]) < 0.05) > 0.12  # taken as normal
-
-
 
 
 def bump(labels, base, x, y):
@@ -181,8 +177,6 @@ def test_bumps_steps_and_patterns_are_placed_and_named_once(recording):
     ]
 
 
-
-
 def test_several_sessions_are_told_apart_and_of_one_site_nothing_is_said():
     # Several sessions are told apart
     context = readings(grid(3), sessions=2)
@@ -220,5 +214,3 @@ def test_several_sessions_are_told_apart_and_of_one_site_nothing_is_said():
             replace(atoms, values=0 * atoms.values),
             np.random.default_rng(0),
         )
-
-

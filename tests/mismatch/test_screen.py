@@ -210,8 +210,6 @@ def test_shapes_and_scales_are_averaged_and_the_best_is_kept(world):
     assert judged.plausible_snr == pytest.approx(alone[0].plausible_snr)
 
 
-
-
 def test_a_wrong_sign_names_nothing_and_no_change_neither_proves_nor_refutes(world):
     # The wrong sign names nothing. A spring with negative compliance would explain the residual; it is unphysical
     # and falls behind no effect
@@ -284,10 +282,6 @@ def test_two_effects_are_taken_for_two_and_one_for_one(world):
         if other.name != "force_drift":
             pair = together(r, covariance, drift, other)
             assert pair.log_bayes_factor < single[0].log_bayes_factor + dearer
-
-
-
-
 
 
 def test_errors_of_a_change_and_switches_are_judged_together(world):

@@ -92,8 +92,6 @@ def test_one_effect_that_stands_for_a_pair_is_not_sure_and_a_curved_one_is_no_se
     assert [group.members for group in found.answer.sure] == [["gel_stiffness"]]
 
 
-
-
 def test_the_largest_effect_is_fitted_first_and_orders_are_solved_at_the_end():
     # What is solved in order is solved at the end of a fit and for the answer. A softening gel next to a wall: fits
     # take its change for linear, as each solution follows all presses anew
@@ -121,5 +119,3 @@ def test_the_largest_effect_is_fitted_first_and_orders_are_solved_at_the_end():
     found = fitted(problem, posterior, lambda again: posterior_of(again, kernels))
     assert set(solved[0]) == {"gel_stiffness"}
     assert found.mode == {"gel_stiffness"}
-
-

@@ -63,8 +63,6 @@ def test_a_struck_reading_is_set_aside_and_told(reading, axis):
     assert np.array_equal(calm.force[calm.read], context.observations.force[calm.read])
 
 
-
-
 @pytest.mark.thorough(but_first=2)
 @pytest.mark.parametrize(
     "name", ["mullins", "viscoelastic", "adhesion", "lateral_play", "contact_zero", "tilt"]

@@ -128,7 +128,3 @@ def orders(base, draws=20):
     cuts = range(8, len(raster), 8)
     watched = [np.concatenate([np.r_[away.argmin(), part] for part in np.split(own, cuts)]) for own in mixed]
     return raster, mixed, watched
-
-
-
-

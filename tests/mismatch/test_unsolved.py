@@ -68,10 +68,6 @@ def test_a_press_too_deep_keeps_the_way_down_and_a_place_needs_readings(solver):
     assert list(kept.table["x_mm"]) == [8.0, 8.0]
 
 
-
-
-
-
 def test_readings_beyond_the_base_are_left_out_and_too_few_make_no_base(solver):
     # Readings beyond what the base can follow are left out at mirror images too
     course = [0.5, 1.0, DEEP]
@@ -100,11 +96,7 @@ def test_readings_beyond_the_base_are_left_out_and_too_few_make_no_base(solver):
         base_where_solved(replace(solver, study=study), found, [])
 
 
-
-
-
-
-def test_what_stopped_or_failed_is_not_solved_again(solver, monkeypatch):
+def test_what_stopped_is_not_solved_again_and_a_failure_without_a_place_ends_the_verdict(solver, monkeypatch):
     # What stopped is not solved again
     found = pressed((EDGE, [0.5, 1.0, DEEP], []), (MIDDLE, [0.5, 1.0, DEEP], []))
     first = base_where_solved(solver, found, [])
@@ -120,5 +112,3 @@ def test_what_stopped_or_failed_is_not_solved_again(solver, monkeypatch):
     monkeypatch.setattr(nominal, "base_of", nowhere)
     with pytest.raises(SolverFailed, match="in the time of the readings"):
         base_where_solved(solver, pressed((MIDDLE, [0.5], [])), [])
-
-

@@ -157,8 +157,6 @@ def test_a_verdict_cannot_say_more_than_its_numbers(keys, words):
     assert words in f"{where} {refused.value}"
 
 
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

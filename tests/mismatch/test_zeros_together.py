@@ -93,10 +93,6 @@ def test_estimates_have_their_degrees_of_freedom_and_few_zeros_keep_the_stated_n
     assert noise == pytest.approx([0.1] * 3) and rounding == pytest.approx([1 / np.sqrt(12)] * 3)
 
 
-
-
-
-
 # ------------------------------------------------------------------------------------------------- in the covariance
 def chances(drift, allow: bool, number=80, presses=40) -> np.ndarray:
     """Return the p of nulls whose zero drifts, by the noise and the drift that each shows itself (or by none of it)."""
