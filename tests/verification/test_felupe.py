@@ -39,8 +39,7 @@ def pressed(request):
     return laws, limit, press, specimens.follow(press, POSITION, [0.25, 0.5, 0.75, 1.0])[-1]
 
 
-def test_internal_forces_agree_and_felupes_contact_tends_to_ours_as_its_penalty_grows(pressed):
-    # Internal forces and held solutions agree
+def test_internal_forces_and_held_solutions_agree(pressed):
     laws, limit, press, state = pressed
     theirs = felupe_model.internal_forces(felupe_model.twin(press.body.mesh, laws, BULK_TO_SHEAR), state.u)
     ours = press.body.response(state.u, state.pressure).f_condensed
@@ -62,8 +61,9 @@ def test_internal_forces_agree_and_felupes_contact_tends_to_ours_as_its_penalty_
         force[press.body.mesh.fixed].sum(axis=0), state.reaction, atol=limit * abs(state.force[2])
     )
 
-    # Felupes own contact tends to ours as its penalty grows. Its ball has a penalty, ours none: the difference
-    # falls with 1/penalty, and what is extrapolated is our force
+
+def test_felupes_own_contact_tends_to_ours_as_its_penalty_grows():
+    """Its ball has a penalty, ours none: the difference falls with 1/penalty, and what is extrapolated is our force."""
     from scipy.sparse.linalg import spsolve
 
     settings = replace(specimens.TO_ROUNDING, friction=0.0)
