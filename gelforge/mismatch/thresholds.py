@@ -40,7 +40,9 @@ SURE = 0.9
 # identified: right answers come below 0.01 in two of a hundred by chance alone, and effects outside the catalogue that come
 # below it do so by far (docs/mismatch-method.md).
 ADEQUATE_P, LEFT_P = 0.01, 0.002
-NEGLIGIBLE = round(1 - SURE, 12)  # probability below which no effect is solved, and no credible set is reported
+NEGLIGIBLE = round(
+    1 - SURE, 12
+)  # probability below which no effect is solved, and no credible set is reported
 # Of an effect's probability, which its credible set holds: the usual level. The set that holds the truth then has one or two
 # effects in the median and 3 to 5 at most in nine of ten cases (docs/results/verdicts.md).
 CREDIBLE = 0.95

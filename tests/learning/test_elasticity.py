@@ -219,7 +219,7 @@ def test_the_solution_is_that_of_projected_gradients_and_of_unrolled_iterations(
         force = in_cone(force - (force @ H - solver.explained(flow)) / steepest, solver.friction)
     np.testing.assert_allclose(found, force, atol=2e-3 * np.abs(force).max())
 
-    # Unrolled iterations are the solver s
+    # Unrolled iterations are the solver's
     solver = replace(inverse[0], unit_N=np.float32([0.1, 0.2, 0.7]))
     rng = np.random.default_rng(5)
     flow = rng.normal(size=(4, 128)).astype("f4")

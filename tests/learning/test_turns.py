@@ -83,7 +83,7 @@ def test_rows_are_turned_by_their_own_element_and_order_of_squares_and_rectangle
     assert image_on_sensor(centre, position, WIDTH) == ("identity", False)
     assert image_on_sensor(centre[:1], position[:1], WIDTH) == ("identity", False)
 
-    # The flow s centre is where it moves
+    # The flow's centre is where it moves
     flow = np.zeros((1, 2, 16))
     flow[0, :, 4 * 3 + 1] = 2.0  # column 1, row 3 of 4 x 4
     assert_allclose(flow_centre(flow, 4), [[-0.125, 0.375]])

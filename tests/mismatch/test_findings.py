@@ -97,7 +97,8 @@ def test_what_an_answer_leaves_is_reported_below_one_per_cent_and_doubts_it_belo
     assert said.adequacy.words == words
 
 
-def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probability():
+def test_groups_stand_as_they_are_sure_and_amounts_are_those_beside_the_others():
+    # Groups stand as they are sure and what is not is said with its probability
     problem, found, _ = identified()
     (group,) = found.answer.groups
     rest = next(name for name in found.posterior.singles if name not in group.members)
@@ -124,9 +125,8 @@ def test_groups_stand_as_they_are_sure_and_what_is_not_is_said_with_its_probabil
         [rest, group.members[0]],
     )
 
-
-def test_values_in_place_of_an_effect_are_those_with_the_others():
-    """Of two effects that act together, what may stand in place of one is as large as it is next to the other."""
+    # Amounts in place of an effect are those beside the others. Of two effects that act together, what may stand in
+    # place of one is as large as it is next to the other
     base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
     tilt = CATALOGUE["tilt"].to_forces(base, {}, base.force, np.array([2.5, 0.0]))
     both = CATALOGUE["viscoelastic"].to_forces(base, {"part": "gel", "time_s": 1.0}, tilt, np.array([0.5]))

@@ -90,7 +90,7 @@ def test_frames_differ_by_the_force_turned_as_full_solutions_and_tilted_studies_
         key = f"thickness_gradient.{'xy'[k]}"
         assert np.linalg.norm(found[key][0] - slope) < 0.02 * np.linalg.norm(slope)
 
-    # A study that is tilted is read in the stage s axes
+    # A study that is tilted is read in the stage's axes
     of_study = tmp_path / "of_study"
     about = (2.0, -1.0)
     for turns_with, turn in (("sensor", np.eye(3)), ("stage", to_stage(about))):

@@ -59,7 +59,7 @@ def test_a_study_has_the_friction_that_makes_the_map_about_its_own():
     assert much.friction == 2.0
     assert [one.exponent for one in much.effects.contact.pressure_terms] == pytest.approx([0.99, -0.99, 0.2])
 
-    # A map of friction is about the study s own if it has any
+    # A map of friction is about the study's own if it has any
     falls = {"effects": {"contact": {"pressure_exponent": 0.5}}}
     context = replace(artificial.context(3, per_side=3), study=specimens.study(**falls))
     own = next(one for one in modules_of(context, friction_changes(context)) if one.name == "friction")

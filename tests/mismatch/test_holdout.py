@@ -112,8 +112,9 @@ def chosen_gain(r, covariance, candidates, blocks):
 
 
 @pytest.mark.thorough
-def test_nothing_to_find_gives_no_gain(world):
-    """Whatever the training readings choose: without a mismatch the expected gain is at most 0 (Gibbs' inequality)."""
+def test_nothing_to_find_gives_no_gain_and_its_error_is_what_noise_gives(world):
+    # Nothing to find gives no gain. Whatever the training readings choose: without a mismatch the expected gain is
+    # at most 0 (Gibbs' inequality)
     labels, covariance, candidates = world
     rng, gains, clear = np.random.default_rng(1), [], 0
     for _ in range(150):
@@ -124,6 +125,23 @@ def test_nothing_to_find_gives_no_gain(world):
     error = np.std(gains) / np.sqrt(len(gains))
     assert np.mean(gains) < -error  # below 0 by more than chance
     assert clear <= 8  # 5 %
+
+    # The error of a gain is what noise gives it. For fixed predictions the gain scatters over draws of noise as its
+    # standard error says, also where one site gains
+    labels, covariance, _ = world
+    blocks = split(labels, seed=3)
+    where = (labels["site"] == labels["site"][blocks.held["positions"]].iloc[0]).to_numpy()
+    change = np.where(where, 0.02, 0.0)
+    gains, rng = [], np.random.default_rng(5)
+    for _ in range(300):
+        r = change + draws_of(covariance, rng, 1)[:, 0]
+        before = predictive_scores(Prediction(r, covariance), blocks, change)
+        after = predictive_scores(Prediction(r - change, covariance), blocks)
+        total, expected = gain(sum(before.values()), sum(after.values()))
+        gains.append(total)
+    # of 300 draws a standard deviation is known to 1 / sqrt(600) = 4 %; three times that
+    assert np.std(gains) == pytest.approx(expected, rel=0.12)
+    assert np.mean(gains) == pytest.approx(expected**2 / 2, rel=0.12)
 
 
 def test_what_is_there_is_predicted_by_presses_that_are_fitted_and_training_is_needed(world):
@@ -153,22 +171,3 @@ def test_what_is_there_is_predicted_by_presses_that_are_fitted_and_training_is_n
     every = np.ones(len(labels), bool)
     with pytest.raises(ValueError, match="training"):
         predictive_scores(Prediction(np.zeros(len(labels)), covariance), Blocks(~every, {"all": every}))
-
-
-@pytest.mark.thorough
-def test_the_error_of_a_gain_is_what_noise_gives_it(world):
-    """For fixed predictions the gain scatters over draws of noise as its standard error says, also where one site gains."""
-    labels, covariance, _ = world
-    blocks = split(labels, seed=3)
-    where = (labels["site"] == labels["site"][blocks.held["positions"]].iloc[0]).to_numpy()
-    change = np.where(where, 0.02, 0.0)
-    gains, rng = [], np.random.default_rng(5)
-    for _ in range(300):
-        r = change + draws_of(covariance, rng, 1)[:, 0]
-        before = predictive_scores(Prediction(r, covariance), blocks, change)
-        after = predictive_scores(Prediction(r - change, covariance), blocks)
-        total, expected = gain(sum(before.values()), sum(after.values()))
-        gains.append(total)
-    # of 300 draws a standard deviation is known to 1 / sqrt(600) = 4 %; three times that
-    assert np.std(gains) == pytest.approx(expected, rel=0.12)
-    assert np.mean(gains) == pytest.approx(expected**2 / 2, rel=0.12)

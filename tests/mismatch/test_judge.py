@@ -70,7 +70,8 @@ def test_one_effect_is_identified_and_predicts_what_was_held_out(name, theta):
 
 
 @pytest.mark.thorough
-def test_of_two_effects_each_has_a_group():
+def test_of_two_effects_each_has_a_group_and_one_without_solution_gives_way():
+    # Of two effects each has a group
     base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
     tilt = CATALOGUE["tilt"].to_forces(base, {}, base.force, np.array([2.5, 0.0]))
     both = CATALOGUE["viscoelastic"].to_forces(base, {"part": "gel", "time_s": 1.0}, tilt, np.array([0.5]))
@@ -79,21 +80,7 @@ def test_of_two_effects_each_has_a_group():
     groups = [{*group.names} for group in found.answer.sure]
     assert [sum(name in group for group in groups) for name in ("tilt", "viscoelastic")] == [1, 1]
 
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["tilt", "cross_talk"])
-def test_without_the_effect_in_the_catalogue_it_is_not_named(name):
-    """Each of these leaves a lateral pattern that nothing else in the artificial catalogue has."""
-    theta = {"tilt": [3.0, -2.0], "cross_talk": [0, 0.15, 0, -0.1, 0, 0]}[name]
-    base = artificial.context(11, per_side=3)
-    context = artificial.with_effect(base, name, np.array(theta, dtype=float), np.random.default_rng(12))
-    alike = {"tilt": {"cross_talk", "misregistration"}, "cross_talk": {"tilt"}}[name] | {"thickness_gradient"}
-    _, found = judged(context, left_out=LOCATED | {name} | alike)
-    assert found.state in ("unexplained",)
-
-
-@pytest.mark.thorough
-def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_is_reported():
+    # An effect that cannot be solved gives way to the next and is reported
     base = artificial.context(13, per_side=3)
     problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.3], np.random.default_rng(14)))
     first = judge(problem, SETTINGS, seed=1).answer.fit.name
@@ -106,6 +93,18 @@ def test_an_effect_that_cannot_be_solved_gives_way_to_the_next_and_is_reported()
     found = judge(replace(problem, forces_with=stuck), SETTINGS, seed=1)
     assert first not in [part.name for part in found.answer.fit.parts]
     assert any(first.replace("_", " ") in note and "the gel folds" in note for note in found.notes)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["tilt", "cross_talk"])
+def test_without_the_effect_in_the_catalogue_it_is_not_named(name):
+    """Each of these leaves a lateral pattern that nothing else in the artificial catalogue has."""
+    amounts = {"tilt": [3.0, -2.0], "cross_talk": [0, 0.15, 0, -0.1, 0, 0]}[name]
+    base = artificial.context(11, per_side=3)
+    context = artificial.with_effect(base, name, np.array(amounts, dtype=float), np.random.default_rng(12))
+    alike = {"tilt": {"cross_talk", "misregistration"}, "cross_talk": {"tilt"}}[name] | {"thickness_gradient"}
+    _, found = judged(context, left_out=LOCATED | {name} | alike)
+    assert found.state in ("unexplained",)
 
 
 def test_an_alarm_needs_a_clear_residual_and_what_is_not_sure_is_not_identified():

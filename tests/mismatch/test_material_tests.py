@@ -189,8 +189,9 @@ def pressed(sample, rng, **law):
 
 
 @pytest.mark.thorough
-def test_a_foam_that_ages_in_law_and_relaxation_is_named_with_both():
-    """Softer at small strain and stiffer at large strain: no factor on all of the stress is that."""
+def test_a_foam_that_ages_is_named_with_both_and_ageing_within_the_scatter_is_not():
+    # A foam that ages in law and relaxation is named with both. Softer at small strain and stiffer at large strain:
+    # no factor on all of the stress is that
     rng = np.random.default_rng(6)
     young = [replace(pressed(f"young{n}", rng, lost=0.4), dose=0.0) for n in range(3)]
     old = [replace(pressed(f"old{n}", rng, mu=0.25, alpha=5.0, lost=0.55), dose=1.0) for n in range(3)]
@@ -199,6 +200,12 @@ def test_a_foam_that_ages_in_law_and_relaxation_is_named_with_both():
     assert set(named_in(verdict)) == {"viscoelastic", "ageing"}
     theta = {a.name: a.value for a in next(e for e in verdict.effects if e.name == "ageing").parameters}
     assert theta["change_of_law_shape_1"] > 0.1 and theta["change_of_relaxation"] > 0.1
+
+    # Ageing within the scatter of samples is not named
+    rng = np.random.default_rng(2)
+    one = replace(made("a", 0.05, rng, only_elastic), age_days=1.0)
+    two = replace(made("b", 0.05, rng, lambda t, lam, P: 1.04 * P), age_days=60.0)
+    assert judged([one, two]).state in ("consistent", "inconclusive")
 
 
 def test_a_fit_lies_in_the_middle_of_shared_errors_and_a_dense_covariance_whitens():
@@ -291,14 +298,6 @@ def test_the_largest_pieces_that_there_are_enough_of_are_held_out(samples, branc
     assert held.any() and not held[table["is_base"]].any()
     size = {"sample": 8 * branches, "branch": 8, "quarter": 2}[whole]
     assert (pieces[held].value_counts() == size).all()
-
-
-@pytest.mark.thorough
-def test_ageing_within_the_scatter_of_samples_is_not_named():
-    rng = np.random.default_rng(2)
-    one = replace(made("a", 0.05, rng, only_elastic), age_days=1.0)
-    two = replace(made("b", 0.05, rng, lambda t, lam, P: 1.04 * P), age_days=60.0)
-    assert judged([one, two]).state in ("consistent", "inconclusive")
 
 
 @pytest.mark.thorough

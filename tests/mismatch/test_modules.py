@@ -160,6 +160,7 @@ def test_a_map_of_one_number_is_an_effect_and_one_place_or_press_has_none():
 def test_a_body_softer_to_one_side_is_said_and_its_correction_needs_a_sure_cause(modulus, tmp_path):
     # A body softer to one side is said with its map
     body = tmp_path / "body"
+    body.mkdir()
     hidden, found = modulus
     said = verdict(hidden, found)
     assert found.state == "identified" and said.model.cause == "modulus_map" and said.model.sure

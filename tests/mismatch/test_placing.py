@@ -65,16 +65,15 @@ def test_a_strong_defect_is_put_where_it_is_if_it_can_be_solved(hidden):
 
 
 @pytest.mark.thorough
-def test_it_alone_is_identified(hidden):
+def test_a_placed_defect_alone_is_identified_and_anything_else_changes_nothing(hidden):
+    # It alone is identified
     problem, there, spacing = hidden
     found = judge(problem, SETTINGS, seed=1)
     assert found.state == "identified" and [group.members[0] for group in found.answer.sure] == ["void"]
     (part,) = found.answer.fit.parts
     assert away(part.hyperparameters, there) < 0.1 * spacing
 
-
-@pytest.mark.thorough
-def test_what_is_no_strong_defect_leaves_the_problem_as_it_is(hidden):
+    # What is no strong defect leaves the problem as it is
     base = artificial.context(62)
     tilted = solvable(artificial.with_effect(base, "tilt", [3.0, -2.0], np.random.default_rng(5)))
     assert placed(tilted, tilted) == (tilted, "")

@@ -77,13 +77,16 @@ def test_settings_that_decide_no_derivative_leave_what_is_stored(stored, change,
     assert len(found) > 10
 
 
-def test_between_the_depths_derivatives_are_interpolated_and_only_the_base_is_solved(stored, tmp_path):
+def test_deeper_than_stored_is_solved_and_between_depths_only_the_base_is(stored, tmp_path):
+    # Between the depths derivatives are interpolated and only the base is solved
+    between_them = tmp_path / "between_them"
+    between_them.mkdir()
     solver, site = stored
     place = site.planned.x_mm, site.planned.y_mm, (0.3, 0.5)
     smooth = ("law", "gel_stiffness", "tilt.about_x")
-    found = follow(task(replace(solver, kept=tmp_path / "a"), *place))
-    expected = follow(task(replace(solver, stored=None, kept=tmp_path / "b"), *place))
-    assert len(list((tmp_path / "a").iterdir())) == 1
+    found = follow(task(replace(solver, kept=between_them / "a"), *place))
+    expected = follow(task(replace(solver, stored=None, kept=between_them / "b"), *place))
+    assert len(list((between_them / "a").iterdir())) == 1
     assert_allclose(found["base"], expected["base"], rtol=1e-6, atol=1e-9)
     assert found.keys() == expected.keys()
     for key in [key for key in expected if key.startswith(smooth)]:
@@ -91,11 +94,11 @@ def test_between_the_depths_derivatives_are_interpolated_and_only_the_base_is_so
         size = np.abs(expected[key]).max()
         assert_allclose(found[key], expected[key], atol=0.15 * size, err_msg=key)
 
-
-def test_deeper_than_stored_is_solved(stored, tmp_path):
-    solver, site = stored
-    follow(task(replace(solver, kept=tmp_path), site.planned.x_mm, site.planned.y_mm, (0.2, 0.8)))
-    assert len(list(tmp_path.iterdir())) > 10
+    # Deeper than stored is solved
+    deep = tmp_path / "deep"
+    deep.mkdir()
+    follow(task(replace(solver, kept=deep), site.planned.x_mm, site.planned.y_mm, (0.2, 0.8)))
+    assert len(list(deep.iterdir())) > 10
 
 
 @pytest.mark.parametrize("how", ["other laws", "other mesh", "damaged", "another place"])

@@ -73,12 +73,20 @@ def test_cosines_are_smooth_and_each_manner_is_as_large_as_is_plausible():
 
 
 @pytest.mark.thorough
-def test_of_nulls_nothing_unknown_is_likely():
-    """Evidence against the true model exceeds e^3 in at most e^-3 of recordings, whatever the other (Markov): 1.5 of 30."""
+def test_of_nulls_nothing_unknown_is_likely_and_what_differs_by_press_has_no_name():
+    # Of nulls nothing unknown is likely. Evidence against the true model exceeds e^3 in at most e^-3 of recordings,
+    # whatever the other (Markov): 1.5 of 30
     found = [problem_of(artificial.context(seed, per_side=3)) for seed in range(30)]
     factors = [weighed_unknown(problem, kernels_of(problem)).log_bayes_factor for problem in found]
     assert np.median(factors) < -1
     assert np.sum(np.array(factors) > 3.0) <= 5  # more in one of 200 such runs
+
+    # What differs from press to press has no name and its manner is reported
+    problem, found = judged(displaced())
+    assert found.state in ("unexplained",)
+    assert found.posterior.holding([UNKNOWN]) > 0.9
+    assert "from one indentation to the next" in found.posterior.discrepancy_words
+    assert len(sentence_of(problem, found).split()) <= 25
 
 
 @pytest.mark.thorough(but_first=2)
@@ -109,24 +117,14 @@ def test_effects_that_only_happen_to_fit_are_less_likely_than_something_unknown(
 
 
 @pytest.mark.thorough
-def test_what_differs_from_press_to_press_has_no_name_and_its_manner_is_reported():
-    problem, found = judged(displaced())
-    assert found.state in ("unexplained",)
-    assert found.posterior.holding([UNKNOWN]) > 0.9
-    assert "from one indentation to the next" in found.posterior.discrepancy_words
-    assert len(sentence_of(problem, found).split()) <= 25
-
-
-@pytest.mark.thorough
-def test_evidence_for_something_unknown_is_a_test_of_its_own():
-    """Of half the backlash neither the sum of squares nor the scan is certain."""
+def test_evidence_for_something_unknown_is_a_test_and_a_pair_found_leaves_none():
+    # Evidence for something unknown is a test of its own. Of half the backlash neither the sum of squares nor the
+    # scan is certain
     _, found = judged(displaced(size_mm=0.4))
     assert min(found.mismatch.test.p, found.mismatch.scan.p) > 1e-3 > found.mismatch.unknown_p
     assert found.state not in ("consistent", "identified")
 
-
-@pytest.mark.thorough
-def test_a_pair_that_is_found_leaves_nothing_unknown():
+    # A pair that is found leaves nothing unknown
     base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
     zero = CATALOGUE["contact_zero"].to_forces(base, {}, base.force, np.array([0.06]))
     both = CATALOGUE["misregistration"].to_forces(base, {}, zero, np.array([0.8, 0.3]))

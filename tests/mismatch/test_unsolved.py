@@ -96,7 +96,7 @@ def test_readings_beyond_the_base_are_left_out_and_too_few_make_no_base(solver):
         base_where_solved(replace(solver, study=study), found, [])
 
 
-def test_what_stopped_or_failed_is_not_solved_again(solver, monkeypatch):
+def test_what_stopped_is_not_solved_again_and_a_failure_without_a_place_ends_the_verdict(solver, monkeypatch):
     # What stopped is not solved again
     found = pressed((EDGE, [0.5, 1.0, DEEP], []), (MIDDLE, [0.5, 1.0, DEEP], []))
     first = base_where_solved(solver, found, [])

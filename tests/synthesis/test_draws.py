@@ -11,7 +11,8 @@ from gelforge.synthesis.draws import drawn_path, site_places, solution, solution
 STUDY = study_of()
 
 
-def test_draws_are_within_their_limits_and_of_every_kind():
+def test_draws_and_twists_are_within_their_limits_and_depend_on_the_seed():
+    # Draws are within their limits and of every kind
     drawn = [drawn_path(STUDY, number) for number in range(60)]
     assert {one.kind for one in drawn} == {"own", "ball", "punch", "edge", "pair"}
     assert all(one.study.indenter == STUDY.indenter for one in drawn if one.kind == "own")
@@ -30,8 +31,7 @@ def test_draws_are_within_their_limits_and_of_every_kind():
     assert any("unload" in path.phases for path in paths)
     assert any(path.tilts_deg for path in paths)
 
-
-def test_a_draw_depends_on_seed_and_number_and_must_fit():
+    # A draw depends on seed and number and must fit
     again = drawn_path(study_of(paths=7), 5)
     assert again.planned == drawn_path(STUDY, 5).planned
     assert again.planned != drawn_path(study_of(seed=1), 5).planned
@@ -40,6 +40,16 @@ def test_a_draw_depends_on_seed_and_number_and_must_fit():
     # What fits nowhere is refused
     with pytest.raises(ConfigError, match="none of 200 draws fits"):
         drawn_path(study_of(depth_mm=[5.5, 5.9]), 0)
+
+    # Twists are drawn as asked
+    study = study_of(twisted=0.5, sheared=0.0, tilted=0.0, unloaded=0.0)
+    drawn = [drawn_path(study, number).planned for number in range(60)]
+    twists = [path.twists_deg for path in drawn if path.twists_deg]
+    assert 0.3 < len(twists) / len(drawn) < 0.7  # three deviations of 60 draws are 0.19
+    ends = np.array([twist[-1] for twist in twists])
+    assert 3 <= np.abs(ends).min() < np.abs(ends).max() <= 15
+    assert 0.2 < (ends > 0).mean() < 0.8
+    assert max(np.abs(np.diff(twist)).max() for twist in twists) <= 2 + 1e-9
 
 
 @pytest.mark.parametrize(
@@ -59,19 +69,9 @@ def test_drawn_paths_stay(number, known):
     assert (drawn.kind, p.x_mm, p.y_mm, p.deepest_mm, len(p.depths_mm), (p.phases or ("load",))[-1]) == known
 
 
-def test_twists_are_drawn_as_asked():
-    study = study_of(twisted=0.5, sheared=0.0, tilted=0.0, unloaded=0.0)
-    drawn = [drawn_path(study, number).planned for number in range(60)]
-    twists = [path.twists_deg for path in drawn if path.twists_deg]
-    assert 0.3 < len(twists) / len(drawn) < 0.7  # three deviations of 60 draws are 0.19
-    ends = np.array([twist[-1] for twist in twists])
-    assert 3 <= np.abs(ends).min() < np.abs(ends).max() <= 15
-    assert 0.2 < (ends > 0).mean() < 0.8
-    assert max(np.abs(np.diff(twist)).max() for twist in twists) <= 2 + 1e-9
-
-
-def test_sites_cover_the_sensor_with_and_without_symmetry():
-    """On a symmetric sensor a triangle is solved; its images are the whole lattice."""
+def test_sites_cover_the_sensor_and_solutions_are_sites_then_paths():
+    # Sites cover the sensor with and without symmetry. On a symmetric sensor a triangle is solved; its images are
+    # the whole lattice
     study = study_of(sites=5)
     places = site_places(study)
     assert len(places) == 15
@@ -88,8 +88,7 @@ def test_sites_cover_the_sensor_with_and_without_symmetry():
     np.testing.assert_allclose(places.min(axis=0), [3, 3])
     np.testing.assert_allclose(places.max(axis=0), [29, 23])
 
-
-def test_solutions_are_sites_then_paths():
+    # Solutions are sites then paths
     study = study_of(sites=3, paths=4)
     assert solution_count(study) == 10
     assert [solution(study, k).kind for k in range(6)] == ["site"] * 6

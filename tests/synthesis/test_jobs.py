@@ -7,14 +7,17 @@ from gelforge.cli import main
 from gelforge.dataset.shard import ShardDataset
 
 
-def test_a_press_is_solved_and_rows_are_drawn_from_it(tmp_path, capfd):
+def test_a_press_is_solved_for_its_rows_and_a_study_without_a_set_is_refused(tmp_path, capfd):
+    # A press is solved and rows are drawn from it
+    of_presses = tmp_path / "of_presses"
+    of_presses.mkdir()
     study = study_of(
         paths=1, rows=40, rows_per_shard=32, classes={"straight": 0, "light": 0}, depth_mm=[0.4, 0.5]
     )
-    file, law = tmp_path / "study.yaml", tmp_path / "soft" / "law.json"
+    file, law = of_presses / "study.yaml", of_presses / "soft" / "law.json"
     file.write_text(yaml.safe_dump(study.model_dump(mode="json")), encoding="utf-8")
     assert main(["fit-law", "--study", str(file), "--material", "soft", "--out", str(law.parent)]) == 0
-    solved, rows = tmp_path / "solved.h5", tmp_path / "rows.h5"
+    solved, rows = of_presses / "solved.h5", of_presses / "rows.h5"
     job = ["solve-synthesis", "--study", str(file), "--laws", str(law), "--out", str(solved)]
     assert main([*job, "--number", "0"]) == 0
     assert "path00000: " in capfd.readouterr().out
@@ -26,12 +29,13 @@ def test_a_press_is_solved_and_rows_are_drawn_from_it(tmp_path, capfd):
     assert main([*draw, "--number", "2"]) == 1
     assert "shard 2 does not exist; the study has 0 to 1" in capfd.readouterr().err
 
-
-def test_a_study_without_a_training_set_is_refused(tmp_path, capfd):
+    # A study without a training set is refused
+    without_set = tmp_path / "without_set"
+    without_set.mkdir()
     study = study_of().model_copy(update={"synthesis": None})
-    file = tmp_path / "study.yaml"
+    file = without_set / "study.yaml"
     file.write_text(yaml.safe_dump(study.model_dump(mode="json", exclude={"synthesis"})), encoding="utf-8")
-    solved = str(tmp_path / "solved.h5")
+    solved = str(without_set / "solved.h5")
     assert (
         main(["synthesise", "--study", str(file), "--solved", solved, "--out", solved, "--number", "0"]) == 1
     )

@@ -71,14 +71,14 @@ def straight(solved):
     return StraightPresses(STUDY, solved[:-1])
 
 
-def test_all_places_of_an_oblong_sensor_are_solved_and_its_whole_gel_is_kept(solved):
+def test_dots_are_solved_at_all_places_in_their_plane_and_move_as_the_gel_does(solved, straight):
+    # All places of an oblong sensor are solved and its whole gel is kept
     places = site_places(STUDY)
     assert sorted(map(tuple, places)) == [(x, y) for x in (5.0, 9.0, 13.0) for y in (5.0, 11.0, 17.0)]
     nodes = solved[0].arrays["gel_node_mm"]
     np.testing.assert_allclose([nodes.min(axis=0), nodes.max(axis=0)], [[0, 0, -4], [18, 22, 0]])
 
-
-def test_the_frame_of_dots_is_their_plane(solved):
+    # The frame of dots is their plane
     frame = MovingFrame(STUDY.sensor, STUDY.synthesis.particles)
     field = frame.field(solved[0])
     assert field.shape[3:] == (1, 3)
@@ -89,8 +89,7 @@ def test_the_frame_of_dots_is_their_plane(solved):
     )  # displacement changes fast under a contact's edge
     assert [volume.heights[0], volume.heights[-1]] == [-4.0, 0.0]
 
-
-def test_dots_move_and_bins_add_up_as_the_solved_gel_does(straight, solved):
+    # Dots move and bins add up as the solved gel does
     for number in (0, 4, 7):
         cell, true = solved[number], motion(solved[number], 9, PLACED)
         moved = straight.at(place_of(cell), 1.0).moved(PLACED)
@@ -107,7 +106,8 @@ def test_dots_move_and_bins_add_up_as_the_solved_gel_does(straight, solved):
     assert np.unravel_index(heavy.argmin(), heavy.shape) == (2, 2)  # the bin at (5, 5) mm
 
 
-def test_a_press_and_that_of_the_sensor_with_x_and_y_swapped_are_one(straight):
+def test_a_press_swaps_with_its_sensor_and_an_oblong_one_keeps_to_the_identity(straight, solved):
+    # A press and that of the sensor with x and y swapped are one
     places = site_places(IMAGE)
     order = np.lexsort((places[:, 1], places[:, 0]))  # as the sites of the other
     assert (places[order][:, ::-1] == site_places(STUDY)).all()
@@ -121,8 +121,7 @@ def test_a_press_and_that_of_the_sensor_with_x_and_y_swapped_are_one(straight):
     swapped = PLACED[:, [1, 0, 2]]
     np.testing.assert_allclose(other.moved(swapped)[:, [1, 0, 2]], one.moved(PLACED), atol=1e-5)
 
-
-def test_a_path_keeps_to_the_identity_where_the_sensor_has_no_symmetry(solved):
+    # A path keeps to the identity where the sensor has no symmetry
     moved = MovedPresses(STUDY, [solved[-1]], [True])
     source, last = place_of(solved[-1]), len(solved[-1].arrays["depth_mm"]) - 1
     total = solved[-1].arrays["total_force_N"][last]
@@ -135,7 +134,8 @@ def test_a_path_keeps_to_the_identity_where_the_sensor_has_no_symmetry(solved):
     assert np.abs(np.array(near)[:, kept] / wall[kept] - 1).max() < 0.051
 
 
-def test_rows_of_an_oblong_sensor_show_the_press(solved, tmp_path):
+def test_rows_of_an_oblong_sensor_show_the_press_and_dots_outside_are_refused(solved, tmp_path):
+    # Rows of an oblong sensor show the press
     paths = []
     for k, cell in enumerate(solved):
         paths.append(tmp_path / f"solved{k}.h5")
@@ -149,8 +149,7 @@ def test_rows_of_an_oblong_sensor_show_the_press(solved, tmp_path):
     assert flow[block["untouched"]].max() < 0.05  # px: noise of the camera alone
     assert np.corrcoef(flow, total)[0, 1] > 0.8
 
-
-def test_dots_outside_the_layers_that_are_seen_are_refused():
+    # Dots outside the layers that are seen are refused
     layers = [
         STUDY.sensor.layers[0].model_copy(update={"thickness_mm": 3.0, "particle_volume_fraction": 0.02}),
         STUDY.sensor.layers[0].model_copy(update={"thickness_mm": 1.0, "name": "skin"}),

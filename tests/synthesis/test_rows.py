@@ -43,7 +43,8 @@ def shard(solved, tmp_path_factory):
     return out
 
 
-def test_a_shard_holds_its_rows_and_repeats_its_bytes(shard, solved, tmp_path):
+def test_a_shard_holds_its_rows_of_every_class_and_repeats_its_bytes(shard, solved, tmp_path):
+    # A shard holds its rows and repeats its bytes
     write_rows(STUDY, 1, solved[0], tmp_path / "1.h5")
     assert [len(ShardDataset([path])) for path in (shard, tmp_path / "1.h5")] == [60, 20]
     assert shard_attributes(shard)["synthetic"]
@@ -52,8 +53,7 @@ def test_a_shard_holds_its_rows_and_repeats_its_bytes(shard, solved, tmp_path):
     write_rows(STUDY, 0, solved[0], tmp_path / "0.h5")
     assert (tmp_path / "0.h5").read_bytes() == shard.read_bytes()
 
-
-def test_rows_are_of_every_class(shard):
+    # Rows are of every class
     rows = ShardDataset([shard])
     block = rows.read(
         np.arange(len(rows)), ["phase", "untouched", "depth_mm", "force_distribution_N", "feature"]
@@ -71,21 +71,25 @@ def test_rows_are_of_every_class(shard):
     assert deeper > 0.7
 
 
-def test_a_site_that_ended_early_is_named(solved, tmp_path):
+def test_a_site_that_ended_early_is_named_and_rows_of_one_press_are_its_steps(solved, tmp_path):
+    # A site that ended early is named
+    early = tmp_path / "early"
+    early.mkdir()
     paths, cells = list(solved[0]), solved[1]
     failed = Cell(cells[2].arrays, cells[2].attributes | {"status": "failed", "reason": "no equilibrium"})
-    paths[2] = tmp_path / "failed.h5"
+    paths[2] = early / "failed.h5"
     write_cell(paths[2], failed)
     with pytest.raises(
         VirtualLabError, match=r"site00002 at .* no equilibrium; make synthesis.depth_mm smaller"
     ):
-        write_rows(STUDY, 0, paths, tmp_path / "0.h5")
+        write_rows(STUDY, 0, paths, early / "0.h5")
 
-
-def test_rows_of_one_solved_press_are_its_steps(solved, tmp_path):
+    # Rows of one solved press are its steps
+    of_one_press = tmp_path / "of_one_press"
+    of_one_press.mkdir()
     one, cell = solution(STUDY, solution_count(STUDY) - 1), solved[1][-1]
-    write_solved(STUDY, one, cell, tmp_path / "0.h5", seed=3, series=2)
-    rows = ShardDataset([tmp_path / "0.h5"])
+    write_solved(STUDY, one, cell, of_one_press / "0.h5", seed=3, series=2)
+    rows = ShardDataset([of_one_press / "0.h5"])
     block = rows.read(np.arange(len(rows)), ["feature", "force_distribution_N", "phase", "total_force_fem_N"])
     steps = len(one.planned.depths_mm)
     assert list(block["phase"]) == 2 * ["zero", *one.planned.phases]
@@ -118,20 +122,24 @@ def test_a_twisted_path_has_labels_with_a_torque():
     assert torque[-1] * np.sign(one.planned.twists_deg[-1]) > 3 * np.abs(torque[:2]).max()
 
 
-def test_images_are_reduced_as_the_features_ask(shard, solved, tmp_path):
+def test_images_are_reduced_as_asked_and_colours_give_the_features_of_their_grey(shard, solved, tmp_path):
+    # Images are reduced as the features ask
+    reduced = tmp_path / "reduced"
+    reduced.mkdir()
     features = STUDY.features.model_copy(update={"image_scale": 0.7})
     small = STUDY.model_copy(update={"features": features})
-    write_rows(small, 0, solved[0], tmp_path / "0.h5")
-    assert shard_attributes(tmp_path / "0.h5")["sessions"]["simulated"]["view"]["image_scale"] == 0.7
+    write_rows(small, 0, solved[0], reduced / "0.h5")
+    assert shard_attributes(reduced / "0.h5")["sessions"]["simulated"]["view"]["image_scale"] == 0.7
     flow = [
         ShardDataset([path]).read(np.arange(60), ["feature"])["feature"][:, :400].mean(axis=1)
-        for path in (tmp_path / "0.h5", shard)
+        for path in (reduced / "0.h5", shard)
     ]
     deep = flow[1] > 0.5 * flow[1].max()
     np.testing.assert_allclose(flow[0][deep], flow[1][deep], rtol=0.15)  # 0.7 would be 30 % off
 
-
-def test_a_camera_in_colour_gives_the_features_of_its_grey(solved, tmp_path):
+    # A camera in colour gives the features of its grey
+    coloured = tmp_path / "coloured"
+    coloured.mkdir()
     colours = {"background_rgb": [60.0, 20.0, 10.0], "particle_rgb": [30.0, 220.0, 90.0], "noise_grey": 2.0}
     weights = np.array([0.299, 0.587, 0.114])
     same = {
@@ -141,8 +149,8 @@ def test_a_camera_in_colour_gives_the_features_of_its_grey(solved, tmp_path):
     }
     found, one = [], solution(STUDY, 0)
     for number, imaging in enumerate((colours, same, {})):
-        write_solved(study_of(imaging=imaging), one, solved[1][0], tmp_path / f"{number}.h5", seed=1)
-        rows = ShardDataset([tmp_path / f"{number}.h5"])
+        write_solved(study_of(imaging=imaging), one, solved[1][0], coloured / f"{number}.h5", seed=1)
+        rows = ShardDataset([coloured / f"{number}.h5"])
         found.append(rows.read(np.arange(len(rows)), ["feature"])["feature"])
     np.testing.assert_array_equal(found[0], found[1])
     assert not np.array_equal(found[0], found[2])

@@ -58,7 +58,7 @@ def paper(tmp_path_factory):
 
 @pytest.mark.thorough
 def test_readings_are_one_fz_a_depth_which_our_finite_cells_predict(paper):
-    # The article s readings are one fz for each depth at two sites
+    # The article's readings are one fz for each depth at two sites
     seen, table = paper.problem.observations, read_table()
     assert seen.read.sum(axis=0).tolist() == [0, 0, 16] and len(seen.sites) == 2
     assert np.array_equal(seen.force[:, 2], table["ft_sensor_N"])

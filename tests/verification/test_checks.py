@@ -31,11 +31,11 @@ def test_check(name):
         assert check.passed, check
 
 
-def test_a_study_can_ask_for_every_check():
+def test_a_study_can_ask_for_every_check_and_a_check_fails_beyond_its_limit():
+    # A study can ask for every check
     assert get_args(CheckName) == tuple(CHECKS)
 
-
-def test_a_check_fails_beyond_its_limit_and_has_its_row():
+    # A check fails beyond its limit and has its row
     assert relative("F", "Hertz", 2.0, 2.03, 0.02).passed
     assert not relative("F", "Hertz", 2.0, 2.05, 0.02).passed
     assert absolute("n", "six", 6, 6, 0).passed

@@ -46,8 +46,9 @@ def test_forces_at_the_default_stopping_rule(reference):
         assert_allclose(state.friction_force, known.friction_force, atol=limit)
 
 
-def test_only_a_node_that_was_open_has_newly_touched():
-    """A node in contact with a gap of +1e-6 mm, within the tolerance, keeps its whole slip."""
+def test_only_an_open_node_newly_touches_and_what_slips_drags_at_the_limit():
+    # Only a node that was open has newly touched. A node in contact with a gap of +1e-6 mm, within the tolerance,
+    # keeps its whole slip
     press = specimens.press(CORNER)
     old, now = specimens.follow(press, CORNER, DEPTHS)
     kept = (old.contact_state > 0) & (now.contact_state > 0)
@@ -56,8 +57,7 @@ def test_only_a_node_that_was_open_has_newly_touched():
         assert not step.touch_share[kept].any()
         assert not step.moved_free[kept].any()
 
-
-def test_what_sticks_does_not_slip_and_what_slips_drags_at_the_limit():
+    # What sticks does not slip and what slips drags at the limit
     press = specimens.press(CORNER, replace(TO_ROUNDING, friction=0.1))
     steps, start = [], press.start(*CORNER)
     path = start.centre + np.array([[0, 0, -0.4], [0, 0, -0.8], [0.1, 0.05, -0.8], [0.3, 0.15, -0.8]])
@@ -82,8 +82,9 @@ def test_what_sticks_does_not_slip_and_what_slips_drags_at_the_limit():
     assert seen == {"stick", "slip"}
 
 
-def test_a_path_in_ever_smaller_parts_converges():
-    """Friction depends on the path: a quarter of the step leaves a quarter of the error in the shear, or less."""
+def test_a_path_in_ever_smaller_parts_converges_and_a_step_too_long_is_halved():
+    # A path in ever smaller parts converges. Friction depends on the path: a quarter of the step leaves a quarter
+    # of the error in the shear, or less
 
     def shear(part):
         settings = replace(TO_ROUNDING, longest_step=part)
@@ -93,67 +94,8 @@ def test_a_path_in_ever_smaller_parts_converges():
     usual, finer = (np.linalg.norm(shear(part) - finest) for part in (0.8, 0.2))
     assert 0 < finer < usual / 4
 
-
-# ------------------------------------------------------------------------------------------ small strain
-@pytest.fixture(scope="module")
-def small():
-    """Return a press at small strain with current normals, and one with the normals of the undeformed surface."""
-    current = specimens.press(CORNER, TO_ROUNDING, SmallStrainBody)
-    initial = specimens.press(CORNER, replace(TO_ROUNDING, initial_normals=True), SmallStrainBody)
-    return {"current": current, "initial": initial}
-
-
-def test_small_strain_is_linear_and_the_limit_of_finite_strain(small, rng):
-    body = small["current"].body
-    none = np.zeros(len(body.mesh.elements))
-    u, v = rng.normal(size=(2, *body.mesh.X.shape))
-    fu, fv, both = (body.response(w, none).f_condensed for w in (u, v, 2 * u - 3 * v))
-    assert_allclose(both, 2 * fu - 3 * fv, atol=1e-11 * np.abs(both).max())  # sums of 81 terms that cancel
-
-    # The difference of the forces falls with the square of the displacement.
-    body, finite = small["current"].body, specimens.press(CORNER).body
-    none, u = np.zeros(len(body.mesh.elements)), rng.uniform(-1, 1, body.mesh.X.shape)
-    differences = [
-        np.linalg.norm(finite.response(h * u, none).f_condensed - body.response(h * u, none).f_condensed)
-        for h in (1e-3, 5e-4, 2.5e-4)
-    ]
-    assert_allclose(np.log2(np.divide(differences[:-1], differences[1:])), 2, atol=0.02)
-
-
-@pytest.mark.parametrize("normals", ["current", "initial"])
-def test_small_strain_press_balances(small, normals):
-    press = small[normals]
-    for state in specimens.follow(press, CORNER, DEPTHS):
-        assert np.linalg.norm(state.force + state.reaction) < 1e-10 * np.linalg.norm(state.force)
-        assert state.force[2] < 0
-        horizontal = np.abs(state.normal_force[:, :2]).max()
-        assert horizontal == 0 if normals == "initial" else horizontal > 1e-4
-
-
-def test_initial_normals_measure_the_gap_straight_up(small):
-    press = small["initial"]
-    state = specimens.follow(press, CORNER, DEPTHS)[-1]
-    on = state.contact_state > 0
-    X = press.body.mesh.X[press.surface][on]
-    ball = state.centre[2] - np.sqrt(25.0 - ((X[:, :2] - state.centre[:2]) ** 2).sum(axis=1))
-    assert on.sum() > 5
-    assert_allclose(state.u[press.surface][on, 2], ball, atol=1e-10)
-
-
-# ----------------------------------------------------------------------------------------------- failing
-class Cautious(Press):
-    """A press that takes no step longer than 0.35 mm, and remembers the depths it reached."""
-
-    def step(self, previous, state, centre, **keys):
-        if np.linalg.norm(centre - state.centre) > 0.35:
-            raise NotConverged("too long")
-        new = super().step(previous, state, centre, **keys)
-        self.reached.append(round(5.0 - float(centre[2]), 9))
-        return new
-
-
-def test_a_step_too_long_is_halved_as_often_as_allowed():
-    """From touch to 1.2 mm at once: in quarters, with the forces of four asked-for steps."""
+    # A step too long is halved as often as allowed. From touch to 1.2 mm at once: in quarters, with the forces of
+    # four asked-for steps
     plain = replace(TO_ROUNDING, friction=0.0)  # nothing but what fails parts its steps
     patient = specimens.follow(specimens.press(CENTRE, plain), CENTRE, [0.3, 0.6, 0.9, 1.2])[-1]
     press = specimens.press(CENTRE, plain)
@@ -178,3 +120,61 @@ def test_a_step_too_long_is_halved_as_often_as_allowed():
         NotConverged, match=r"no equilibrium at centre .* after 9 iterations: .*; step halved 1 times"
     ):
         specimens.follow(press, CENTRE, [3.9])
+
+
+# ------------------------------------------------------------------------------------------ small strain
+@pytest.fixture(scope="module")
+def small():
+    """Return a press at small strain with current normals, and one with the normals of the undeformed surface."""
+    current = specimens.press(CORNER, TO_ROUNDING, SmallStrainBody)
+    initial = specimens.press(CORNER, replace(TO_ROUNDING, initial_normals=True), SmallStrainBody)
+    return {"current": current, "initial": initial}
+
+
+def test_small_strain_is_linear_and_initial_normals_measure_the_gap_straight_up(small, rng):
+    # Small strain is linear and the limit of finite strain
+    body = small["current"].body
+    none = np.zeros(len(body.mesh.elements))
+    u, v = rng.normal(size=(2, *body.mesh.X.shape))
+    fu, fv, both = (body.response(w, none).f_condensed for w in (u, v, 2 * u - 3 * v))
+    assert_allclose(both, 2 * fu - 3 * fv, atol=1e-11 * np.abs(both).max())  # sums of 81 terms that cancel
+
+    # The difference of the forces falls with the square of the displacement.
+    body, finite = small["current"].body, specimens.press(CORNER).body
+    none, u = np.zeros(len(body.mesh.elements)), rng.uniform(-1, 1, body.mesh.X.shape)
+    differences = [
+        np.linalg.norm(finite.response(h * u, none).f_condensed - body.response(h * u, none).f_condensed)
+        for h in (1e-3, 5e-4, 2.5e-4)
+    ]
+    assert_allclose(np.log2(np.divide(differences[:-1], differences[1:])), 2, atol=0.02)
+
+    # Initial normals measure the gap straight up
+    press = small["initial"]
+    state = specimens.follow(press, CORNER, DEPTHS)[-1]
+    on = state.contact_state > 0
+    X = press.body.mesh.X[press.surface][on]
+    ball = state.centre[2] - np.sqrt(25.0 - ((X[:, :2] - state.centre[:2]) ** 2).sum(axis=1))
+    assert on.sum() > 5
+    assert_allclose(state.u[press.surface][on, 2], ball, atol=1e-10)
+
+
+@pytest.mark.parametrize("normals", ["current", "initial"])
+def test_small_strain_press_balances(small, normals):
+    press = small[normals]
+    for state in specimens.follow(press, CORNER, DEPTHS):
+        assert np.linalg.norm(state.force + state.reaction) < 1e-10 * np.linalg.norm(state.force)
+        assert state.force[2] < 0
+        horizontal = np.abs(state.normal_force[:, :2]).max()
+        assert horizontal == 0 if normals == "initial" else horizontal > 1e-4
+
+
+# ----------------------------------------------------------------------------------------------- failing
+class Cautious(Press):
+    """A press that takes no step longer than 0.35 mm, and remembers the depths it reached."""
+
+    def step(self, previous, state, centre, **keys):
+        if np.linalg.norm(centre - state.centre) > 0.35:
+            raise NotConverged("too long")
+        new = super().step(previous, state, centre, **keys)
+        self.reached.append(round(5.0 - float(centre[2]), 9))
+        return new

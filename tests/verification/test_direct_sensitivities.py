@@ -60,8 +60,9 @@ def assert_alike(found, expected, bins, share=1.0):
         assert_allclose(bins(own), bins(other), atol=0.05 * share * np.abs(bins(other)).max(), rtol=0)
 
 
-def test_they_are_those_of_neighbouring_presses():
-    """Ten times closer than promised, but for the node that joins the contact of a neighbour at the deepest step."""
+def test_they_are_those_of_neighbouring_presses_and_of_what_the_base_has_reached():
+    # They are those of neighbouring presses. Ten times closer than promised, but for the node that joins the
+    # contact of a neighbour at the deepest step
     varied = [vary(AMOUNT) for vary in PARAMETERS.values()]
     _, force, u = along(model(), varied)
     expected, u_expected = neighbours(model(), varied)
@@ -70,6 +71,30 @@ def test_they_are_those_of_neighbouring_presses():
     assert_alike(force[:3], expected[:3], bins, 0.1)
     for own, other in zip(np.moveaxis(u, 1, 0), np.moveaxis(u_expected, 1, 0)):
         assert_allclose(own, other, atol=0.02 * np.abs(other).max(), rtol=0)
+
+    # Of forces only the same is found. Along a path on which nodes come into contact, slip and leave it
+    body, ball, settings, start, centres = sheared()
+    press = Press(body, ball, settings)
+    varied = [Varied(*sheared(**{name: 1 + LITTLE}), LITTLE) for name in ("skin", "friction")]
+    both = [
+        [
+            slopes
+            for _, slopes in follow_with_slopes(press, press.start_at(start), centres, varied, None, only)
+        ]
+        for only in (False, True)
+    ]
+    force, alone = (np.array([slopes.force for slopes in one]) for one in both)
+    assert_allclose(alone, force, atol=1e-8 * np.abs(force).max(), rtol=0)
+    assert both[1][0].u.shape == (2, 0, 3)
+
+    # A base that ends early yields what it has reached
+    body, ball, settings, start, centres = model()
+    press = Press(body, ball, replace(settings, max_halvings=0))
+    too_deep = np.vstack([centres[:2], centres[1:2] - [0.0, 0.0, 50.0]])
+    steps = follow_with_slopes(press, press.start_at(start), too_deep, [])
+    assert [state.centre[2] for state, _ in (next(steps), next(steps))] == too_deep[:2, 2].tolist()
+    with pytest.raises(NotConverged):
+        next(steps)
 
 
 @pytest.mark.thorough(but_first=1)
@@ -120,8 +145,9 @@ def test_force_grows_with_all_moduli_in_proportion(kind):
     assert np.abs(u[:, 0]).max() < 2 * AMOUNT * np.abs(states[-1].u).max()
 
 
-def test_tetrahedra_hold_part_of_their_bulk_modulus_at_every_point():
-    """Against neighbours, with factors on some elements and with another law."""
+def test_tetrahedra_hold_part_of_their_bulk_modulus_and_other_elements_are_refused():
+    # Tetrahedra hold part of their bulk modulus at every point. Against neighbours, with factors on some elements
+    # and with another law
     _, ball, settings, *_ = model()
     mesh = specimens.tetrahedral(
         specimens.layered_block(replace(specimens.BLOCK, wall=0.0), 8.0, 8.0, COARSE)
@@ -138,6 +164,17 @@ def test_tetrahedra_hold_part_of_their_bulk_modulus_at_every_point():
     _, force, _ = along(base, varied)
     expected, _ = neighbours(base, varied)
     assert_alike(force, expected, lambda forces: forces, 0.1)
+
+    # Other elements or bodies are refused
+    other = model(block=replace(specimens.BLOCK, layers=(("gel", 6.0), ("skin", 1.0))))
+    with pytest.raises(ValueError, match="other elements"):
+        along(model(), [other])
+
+    # Another kind of body is refused
+    body, *rest = model()
+    linear = SmallStrainBody(body.mesh, body.laws, 1000.0)
+    with pytest.raises(ValueError, match="subtract two solutions"):
+        along((body, *rest), [(linear, *rest)])
 
 
 COARSE = specimens.Sizes(near=2.0, near_radius=2.5, growth=0.3, far=2.0)
@@ -174,45 +211,6 @@ def test_a_base_with_effects_of_the_contact(settings):
 def grown(value, factor):
     """Return a setting times a factor, each of several."""
     return tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
-
-
-def test_other_elements_or_bodies_are_refused():
-    other = model(block=replace(specimens.BLOCK, layers=(("gel", 6.0), ("skin", 1.0))))
-    with pytest.raises(ValueError, match="other elements"):
-        along(model(), [other])
-
-    # Another kind of body is refused
-    body, *rest = model()
-    linear = SmallStrainBody(body.mesh, body.laws, 1000.0)
-    with pytest.raises(ValueError, match="subtract two solutions"):
-        along((body, *rest), [(linear, *rest)])
-
-
-def test_of_forces_only_the_same_is_found():
-    """Along a path on which nodes come into contact, slip and leave it."""
-    body, ball, settings, start, centres = sheared()
-    press = Press(body, ball, settings)
-    varied = [Varied(*sheared(**{name: 1 + LITTLE}), LITTLE) for name in ("skin", "friction")]
-    both = [
-        [
-            slopes
-            for _, slopes in follow_with_slopes(press, press.start_at(start), centres, varied, None, only)
-        ]
-        for only in (False, True)
-    ]
-    force, alone = (np.array([slopes.force for slopes in one]) for one in both)
-    assert_allclose(alone, force, atol=1e-8 * np.abs(force).max(), rtol=0)
-    assert both[1][0].u.shape == (2, 0, 3)
-
-
-def test_a_base_that_ends_early_yields_what_it_has_reached():
-    body, ball, settings, start, centres = model()
-    press = Press(body, ball, replace(settings, max_halvings=0))
-    too_deep = np.vstack([centres[:2], centres[1:2] - [0.0, 0.0, 50.0]])
-    steps = follow_with_slopes(press, press.start_at(start), too_deep, [])
-    assert [state.centre[2] for state, _ in (next(steps), next(steps))] == too_deep[:2, 2].tolist()
-    with pytest.raises(NotConverged):
-        next(steps)
 
 
 def test_without_mkl_they_are_the_same():

@@ -62,7 +62,8 @@ def test_a_limit_of_extension_ends_the_press_with_its_reason():
         assert np.isfinite(state.force).all()
 
 
-def test_a_factor_on_the_body_multiplies_its_forces_and_a_void_softens():
+def test_a_factor_multiplies_forces_a_void_softens_and_a_base_has_its_own_bulk_modulus():
+    # A factor on the body multiplies its forces and a void softens
     one, twice = (pressed(stiffness=lambda mesh, f=f: np.full(len(mesh.elements), f)) for f in (1.0, 2.0))
     plain = pressed()
     for state, known, same in zip(twice, one, plain):
@@ -81,9 +82,8 @@ def test_a_factor_on_the_body_multiplies_its_forces_and_a_void_softens():
         assert force_balance(state) < 1e-9
         assert 0.5 < state.force[2] / known.force[2] < 0.95
 
-
-def test_an_elastic_base_of_its_own_bulk_modulus():
-    """A stiffer base is nearer to the fixed one; below it the body may be compressible."""
+    # An elastic base of its own bulk modulus. A stiffer base is nearer to the fixed one; below it the body may be
+    # compressible
     block = Block(16.0, 16.0, (("base", 3.0), *specimens.BLOCK.layers), wall=1.0)
     mesh = layered_block(block, *CENTRE, specimens.SIZES)
     ratios = dict.fromkeys(mesh.regions, 1000.0) | {"base": bulk_to_shear_of(0.3)}

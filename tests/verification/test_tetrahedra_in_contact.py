@@ -19,11 +19,10 @@ MU = 0.02  # MPa
 LAWS = {"gel": Ogden((MU,), (2.0,))}
 
 
-def test_a_flat_indenter_meets_one_pressure_everywhere(rng):
-    """The contact patch test: without lateral contraction (K/mu = 2/3) and at small strain the block shortens evenly.
-
-    Limits: rounding of the gap, 1e-16 of 20 mm times 20 N/mm^3, over a pressure of 2e-4 MPa, as for hexahedra.
-    """
+def test_flat_indenters_meet_one_pressure_and_layers_press_as_the_integral_equation_says(rng):
+    # A flat indenter meets one pressure everywhere. The contact patch test: without lateral contraction (K/mu =
+    # 2/3) and at small strain the block shortens evenly. Limits: rounding of the gap, 1e-16 of 20 mm times 20
+    # N/mm^3, over a pressure of 2e-4 MPa, as for hexahedra
     height, depth = 2.0, 0.01
     even = layered_block(Block(4.0, 4.0, (("gel", height),)), 2.0, 2.0, Sizes(near=1.0, far=1.0))
     mesh = specimens.distorted(specimens.tetrahedral(even), 0.2, rng)
@@ -41,12 +40,9 @@ def test_a_flat_indenter_meets_one_pressure_everywhere(rng):
     assert_allclose(state.u[:, 2], -depth * (1 + mesh.X[:, 2] / height), atol=1e-9 * depth)
     assert_allclose(state.u[:, :2], 0, atol=1e-9 * depth)
 
-
-def test_a_layer_as_thick_as_the_contact_s_radius_is_pressed_as_the_integral_equation_says():
-    """Tetrahedra with 8 node distances over the contact's radius, their outer part drawn out to 3 thicknesses.
-
-    Force to 1 % as for hexahedra (measured: -0.4 %), contact radius to one distance between nodes.
-    """
+    # A layer as thick as the contact's radius is pressed as the integral equation says. Tetrahedra with 8 node
+    # distances over the contact's radius, their outer part drawn out to 3 thicknesses. Force to 1 % as for
+    # hexahedra (measured: -0.4 %), contact radius to one distance between nodes
     radius, bulk_to_shear, apart = 100.0, 1000.0, 1 / 8
     known = bonded_layer_at_radius(1.0, radius, 1.0, MU, poissons_ratio(bulk_to_shear))
     block = Block(5.0, 5.0, (("gel", 1.0),))

@@ -19,7 +19,8 @@ CAMERA = Camera(
 PLAIN = VirtualImaging(blur_px=0.0, noise_grey=0.0, background_grey=0.0, particle_grey=200.0)
 
 
-def test_balls_appear_at_their_projection_cover_and_are_cut_off():
+def test_balls_are_cut_off_at_their_cover_and_noise_has_its_spread_and_seed():
+    # Balls appear at their projection cover and are cut off
     centre = np.array([[12.34, 20.56, -2.0]])
     image = draw(CAMERA, PLAIN, centre, 0.6)
     (pixel,), (distance,) = project(CAMERA, centre)
@@ -43,8 +44,7 @@ def test_balls_appear_at_their_projection_cover_and_are_cut_off():
     image = draw(CAMERA, PLAIN, np.array([[-40.0, 16.0, -3.0], [1.4, 16.0, -6.0]]), 0.6)
     assert 0 < (image > 0).sum() < 80
 
-
-def test_noise_has_its_spread_and_seed_and_exposure_scales_the_light_alone():
+    # Noise has its spread and seed and exposure scales the light alone
     imaging = VirtualImaging(noise_grey=2.0)
     flat = np.full((400, 400), 100, np.float32)
     first, again, other = (expose(flat, imaging, np.random.default_rng(seed)) for seed in (1, 1, 2))
@@ -78,7 +78,8 @@ def test_flow_finds_a_sub_pixel_shift_of_drawn_particles(shift_mm):
     assert regions.std(axis=(0, 1)).max() < 0.04  # measured 0.03, with noise of 2 grey levels
 
 
-def test_a_lens_moves_and_enlarges_a_ball():
+def test_a_lens_moves_and_enlarges_a_ball_and_light_falls_to_the_corners():
+    # A lens moves and enlarges a ball
     lens = {"coefficients": [-0.5, 0.0, 0.0, 0.0]}
     centre = np.array([[27.0, 16.0, -2.0]])
     camera = Camera(**(CAMERA.model_dump() | {"distortion": lens}))
@@ -92,8 +93,7 @@ def test_a_lens_moves_and_enlarges_a_ball():
     shrunk = (1 - 0.25**2 / 2) * (1 - 3 * 0.25**2 / 2)
     assert_allclose(image.sum() / plain.sum(), shrunk, rtol=0.02)
 
-
-def test_light_falls_to_the_corners_and_tilts():
+    # Light falls to the corners and tilts
     imaging = PLAIN.model_copy(update={"background_grey": 100.0, "vignetting": 0.4, "uneven_light": 0.2})
     image = draw(CAMERA, imaging, np.array([[-40.0, 16.0, -3.0]]), 0.6)
     middle, left, right = image[199:201, 199:201].mean(), image[200, 0], image[200, 399]
@@ -104,7 +104,8 @@ def test_light_falls_to_the_corners_and_tilts():
     assert_allclose((image[0, 0] + image[0, 399]) / 2, 60, rtol=1e-3)
 
 
-def test_defocus_blurs_what_is_off_the_plane_in_focus_and_loses_no_light():
+def test_defocus_loses_no_light_and_focus_and_colours_stay_as_written():
+    # Defocus blurs what is off the plane in focus and loses no light
     near, far = np.array([[12.0, 16.0, -5.5]]), np.array([[20.0, 16.0, -0.5]])
     both = np.concatenate([near, far])
     sharp = draw(CAMERA, PLAIN, both, 0.6)
@@ -128,8 +129,7 @@ def test_defocus_blurs_what_is_off_the_plane_in_focus_and_loses_no_light():
 
     assert_allclose(spread(image) - spread(sharp), (0.6 * 5) ** 2, rtol=0.02)  # variances add
 
-
-def test_focus_and_colours_stay_as_written():
+    # Focus and colours stay as written
     imaging = VirtualImaging(focus_z_mm=0.0, defocus_px_per_mm=0.3)
     assert VirtualImaging(**imaging.model_dump(mode="json")) == imaging
     assert "focus_z_mm" not in VirtualImaging().model_dump(mode="json")
@@ -169,7 +169,8 @@ def test_the_grey_of_a_picture_in_colour_is_that_which_synthesis_draws(more, tmp
         assert_allclose(drawn[0, 0], 0.299 * 60 + 0.587 * 20 + 0.114 * 10, rtol=1e-5)
 
 
-def test_noise_of_three_channels_averages_out_in_grey():
+def test_noise_of_three_channels_averages_out_and_printed_dots_have_one_grey_level():
+    # Noise of three channels averages out in grey
     imaging = VirtualImaging(**COLOURED, noise_grey=4.0)
     flat = np.full((400, 400, 3), 100, np.float32)
     read = grey(expose(flat, imaging, np.random.default_rng(0)))
@@ -177,8 +178,7 @@ def test_noise_of_three_channels_averages_out_in_grey():
     assert_allclose(read.std(), np.sqrt(as_read(imaging).noise_grey ** 2 + 1 / 12), rtol=0.02)
     assert_allclose(as_read(imaging).noise_grey, 4 * 0.6685, rtol=1e-3)
 
-
-def test_printed_dots_have_one_grey_level_however_far_they_are():
+    # Printed dots have one grey level however far they are
     centres = np.array([[8.0, 16.0, -5.0], [24.0, 16.0, -1.0]])
     shaded, flat = (draw(CAMERA, PLAIN, centres, 1.0, flat=flat) for flat in (False, True))
     (u, v), (far_u, far_v) = np.rint(project(CAMERA, centres)[0]).astype(int)

@@ -30,7 +30,8 @@ def test_particles_fill_their_share_inside_the_gel_without_overlap(diameter, fra
     assert (np.abs(P.mean(axis=0) - [16, 16, -3.75]) < scatter).all()
 
 
-def test_particles_belong_to_the_serial_and_need_a_layer():
+def test_particles_need_a_layer_follow_the_truth_in_depth_and_outside_is_named():
+    # Particles belong to the serial and need a layer
     particles = VirtualParticles(diameter_mm=0.6)
     first, again, other = (place_particles(particles, SENSOR, serial) for serial in ("a", "a", "b"))
     assert_array_equal(first, again)
@@ -40,6 +41,33 @@ def test_particles_belong_to_the_serial_and_need_a_layer():
     bare = [layer.model_copy(update={"particle_volume_fraction": 0.0}) for layer in SENSOR.layers]
     with pytest.raises(VirtualLabError, match="particle_volume_fraction"):
         place_particles(VirtualParticles(), SENSOR.model_copy(update={"layers": bare}), "a")
+
+    # Points outside and meshes that are no grid are named
+    nodes, hexahedra = gel_mesh((4, 4, 2))
+    with pytest.raises(VirtualLabError, match="lies in no element"):
+        interpolation(nodes, hexahedra, np.array([[16.0, 16.0, -1.0]]))
+    bent = nodes.copy()
+    bent[hexahedra[3, 0]] += 0.1
+    with pytest.raises(VirtualLabError, match="boxes"):
+        interpolation(bent, hexahedra, np.array([[16.0, 16.0, -3.0]]))
+
+    # Motion follows the truth in depth
+    P = place_particles(VirtualParticles(diameter_mm=0.6), SENSOR, "a")
+    motion = true_motion(truth_cell("c", 10.0, 22.0), PlannedCell("c", 10.0, 22.0, tuple(DEPTHS)), P, 32.0)
+    assert_array_equal(motion.displacement(0.0), 0)
+    assert motion.deepest_mm == 1.0
+    for depth in (0.5, 0.8, 1.0):  # linear in depth, as the truth is: PCHIP keeps lines
+        exact = depth * displacement_per_mm(P, 10.0, 22.0)
+        # 1.2 mm elements under a bell of 4 mm: h^2 / 8 times its curvature, 0.7 / 16 per mm
+        assert_allclose(motion.displacement(depth), exact, atol=0.02)
+    assert_allclose(motion.force(1.0), force_at(np.array([1.0]), 10, 22)[0], atol=1e-12)
+    assert_allclose(motion.unload_force(0.6), force_at(np.array([0.6]), 10, 22)[0], atol=1e-12)
+
+    # A truth cell with mixed phases is refused
+    cell = truth_cell("c", 10.0, 10.0)
+    mixed = Cell(cell.arrays, cell.attributes | {"phases": ["unload", "load", "load"]})
+    with pytest.raises(VirtualLabError, match="loading depths must increase"):
+        true_motion(mixed, PlannedCell("c", 10.0, 10.0, tuple(DEPTHS)), np.array([[16.0, 16.0, -3.0]]), 32.0)
 
 
 def test_interpolation_reproduces_trilinear_fields_in_any_mesh():
@@ -78,29 +106,6 @@ def test_interpolation_reproduces_trilinear_fields_in_any_mesh():
     )  # in elements of several sizes
 
 
-def test_points_outside_and_meshes_that_are_no_grid_are_named():
-    nodes, hexahedra = gel_mesh((4, 4, 2))
-    with pytest.raises(VirtualLabError, match="lies in no element"):
-        interpolation(nodes, hexahedra, np.array([[16.0, 16.0, -1.0]]))
-    bent = nodes.copy()
-    bent[hexahedra[3, 0]] += 0.1
-    with pytest.raises(VirtualLabError, match="boxes"):
-        interpolation(bent, hexahedra, np.array([[16.0, 16.0, -3.0]]))
-
-
-def test_motion_follows_the_truth_in_depth():
-    P = place_particles(VirtualParticles(diameter_mm=0.6), SENSOR, "a")
-    motion = true_motion(truth_cell("c", 10.0, 22.0), PlannedCell("c", 10.0, 22.0, tuple(DEPTHS)), P, 32.0)
-    assert_array_equal(motion.displacement(0.0), 0)
-    assert motion.deepest_mm == 1.0
-    for depth in (0.5, 0.8, 1.0):  # linear in depth, as the truth is: PCHIP keeps lines
-        exact = depth * displacement_per_mm(P, 10.0, 22.0)
-        # 1.2 mm elements under a bell of 4 mm: h^2 / 8 times its curvature, 0.7 / 16 per mm
-        assert_allclose(motion.displacement(depth), exact, atol=0.02)
-    assert_allclose(motion.force(1.0), force_at(np.array([1.0]), 10, 22)[0], atol=1e-12)
-    assert_allclose(motion.unload_force(0.6), force_at(np.array([0.6]), 10, 22)[0], atol=1e-12)
-
-
 @pytest.mark.parametrize("symmetry", [name for name in D4 if name != "identity"])
 def test_a_mirrored_cell_carries_the_field_and_not_the_particles(symmetry):
     P = place_particles(VirtualParticles(diameter_mm=0.6), SENSOR, "a")
@@ -112,13 +117,6 @@ def test_a_mirrored_cell_carries_the_field_and_not_the_particles(symmetry):
     assert_allclose(motion.displacement(1.0), displacement_per_mm(P, x, y), atol=0.02)  # as above
     force = source.arrays["total_force_N"][1]
     assert_allclose(motion.force(1.0), transform_vectors(symmetry, force), atol=1e-12)
-
-
-def test_a_truth_cell_with_mixed_phases_is_refused():
-    cell = truth_cell("c", 10.0, 10.0)
-    mixed = Cell(cell.arrays, cell.attributes | {"phases": ["unload", "load", "load"]})
-    with pytest.raises(VirtualLabError, match="loading depths must increase"):
-        true_motion(mixed, PlannedCell("c", 10.0, 10.0, tuple(DEPTHS)), np.array([[16.0, 16.0, -3.0]]), 32.0)
 
 
 def dots_of(serial: str, **keys) -> np.ndarray:

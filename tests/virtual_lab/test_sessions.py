@@ -62,7 +62,8 @@ def test_a_lab_whose_sensor_is_not_symmetric_is_not_mirrored(symmetry, refused, 
         assert virtual_lab_of(study, Path("study.yaml")).mechanics.effects.kinematics.tilt_deg == [2.0, 0.0]
 
 
-def test_sessions_share_the_cells_out_and_turn_back_to_the_sensor():
+def test_sessions_share_the_cells_out_and_exposure_drifts_but_in_an_old_lab():
+    # Sessions share the cells out and turn back to the sensor
     parts = session_cells(LAB, CELLS)
     assert sorted(parts["one"] + parts["two"]) == sorted(CELLS)
     assert [len(parts["one"]), len(parts["two"])] == [5, 4]
@@ -72,6 +73,20 @@ def test_sessions_share_the_cells_out_and_turn_back_to_the_sensor():
     for session in LAB.sessions:
         back = stage_to_sensor(sensor_to_stage(xy, session.stage_to_sensor), session.stage_to_sensor)
         assert_allclose(back, xy, atol=1e-12)
+
+    # Exposure drifts and an old lab is written as it was
+    imaging = LAB.imaging.model_copy(update={"exposure_drift": -0.1})
+    presses = random_presses(LAB.sessions[0], list(CELLS.values()))
+    lab = LAB.model_copy(update={"imaging": imaging})
+    bench = Bench(lab, LAB.sessions[0], None, None, None, last=len(presses) - 1)
+    assert [bench.exposure(presses[k]) for k in (0, -1)] == [1.0, 0.9]
+    assert Bench(LAB, LAB.sessions[0], None, None, None, last=3).exposure(presses[2]) == 1.0
+
+    # The digest of a truth cell is of what is written.
+    later = {"vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift"}
+    assert not later & set(LAB.model_dump()["imaging"])
+    changed = LAB.imaging.model_copy(update={"vignetting": 0.1})
+    assert changed.model_dump()["vignetting"] == 0.1
 
 
 @pytest.mark.parametrize("session", LAB.sessions, ids=lambda s: s.session)
@@ -97,12 +112,28 @@ def test_readings_agree_with_the_truth_through_axes_offset_and_stage(made, sessi
     assert_allclose(steps, np.rint(steps), atol=1e-6)  # CSV holds nine decimals
 
 
-def test_the_same_lab_makes_the_same_bytes_with_any_number_of_threads(made, truth, tmp_path):
-    make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, tmp_path / "one", workers=2)
-    files = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
+def test_a_lab_repeats_its_bytes_and_replaces_no_measured_data(made, truth, tmp_path):
+    # The same lab makes the same bytes with any number of threads
+    again = tmp_path / "again"
+    again.mkdir()
+    make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, again / "one", workers=2)
+    files = sorted(path.relative_to(again) for path in again.rglob("*") if path.is_file())
     presses = 5 * len(DEPTHS)
     assert len(files) == presses * 3 + 4
-    assert filecmp.cmpfiles(tmp_path, made, files, shallow=False)[1:] == ([], [])
+    assert filecmp.cmpfiles(again, made, files, shallow=False)[1:] == ([], [])
+
+    # Measured data is never replaced
+    measured = tmp_path / "measured"
+    measured.mkdir()
+    folder = measured / "one"
+    folder.mkdir()
+    (folder / "indentations.csv").write_text("measured")
+    with pytest.raises(VirtualLabError, match="not a synthetic session"):
+        make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
+    (folder / "session.yaml").write_text("session: one\nsynthetic: false\n")
+    with pytest.raises(VirtualLabError, match="not a synthetic session"):
+        make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
+    assert (folder / "indentations.csv").read_text() == "measured"
 
 
 def test_images_order_and_names_are_those_of_a_synthetic_session(made):
@@ -133,24 +164,30 @@ def test_images_order_and_names_are_those_of_a_synthetic_session(made):
             assert b"stiffness" not in path.read_bytes()
 
 
-def test_measured_data_is_never_replaced(truth, tmp_path):
-    folder = tmp_path / "one"
-    folder.mkdir()
-    (folder / "indentations.csv").write_text("measured")
-    with pytest.raises(VirtualLabError, match="not a synthetic session"):
-        make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
-    (folder / "session.yaml").write_text("session: one\nsynthetic: false\n")
-    with pytest.raises(VirtualLabError, match="not a synthetic session"):
-        make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
-    assert (folder / "indentations.csv").read_text() == "measured"
-
-
-def test_an_interrupted_synthetic_session_is_made_again(made, truth, tmp_path):
-    folder = tmp_path / "one"
+def test_an_interrupted_session_is_made_again_and_one_in_colour_is_read_as_grey(made, truth, tmp_path):
+    # An interrupted synthetic session is made again
+    interrupted = tmp_path / "interrupted"
+    interrupted.mkdir()
+    folder = interrupted / "one"
     make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
     (folder / "session.yaml").unlink()
     make_session(LAB, LAB.sessions[0], STUDY, CELLS, truth, folder)
     assert filecmp.cmp(folder / "indentations.csv", made / "one" / "indentations.csv", shallow=False)
+
+    # A session in colour is read as a grey one
+    coloured = tmp_path / "coloured"
+    coloured.mkdir()
+    colours = {"background_rgb": [40.0, 20.0, 10.0], "particle_rgb": [90.0, 220.0, 60.0]}
+    lab = LAB.model_copy(update={"imaging": LAB.imaging.model_copy(update=colours)})
+    make_session(lab, LAB.sessions[1], STUDY, CELLS, truth, coloured / "two")
+    image = cv2.imread(str(coloured / "two" / "reference.png"), cv2.IMREAD_UNCHANGED)
+    assert image.shape == (160, 200, 3)
+    readings = read_recording(coloured / "two", CELLS, STUDY.sensor).readings
+    other = read_recording(made / "two", CELLS, STUDY.sensor).readings
+    assert list(readings["image"]) == list(other["image"])
+    first, second = (read_grey(coloured / "two" / "images" / f"p00000_{i}.png").astype(float) for i in (0, 1))
+    # the noise of two images in three channels of 2 levels: 2 x 0.6685, with the rounding of grey levels
+    assert_allclose((first - second).std(), np.sqrt(2 * ((2 * 0.6685) ** 2 + 1 / 12)), rtol=0.03)
 
 
 @pytest.mark.parametrize(
@@ -171,32 +208,3 @@ def test_a_truth_cell_that_failed_or_ends_early_is_named(tmp_path, change, messa
         make_session(LAB, LAB.sessions[0], STUDY, CELLS, tmp_path / "truth", tmp_path / "one")
     assert not (tmp_path / "one").exists()
     assert not list(tmp_path.glob(".one*"))
-
-
-def test_exposure_drifts_and_an_old_lab_is_written_as_it_was():
-    imaging = LAB.imaging.model_copy(update={"exposure_drift": -0.1})
-    presses = random_presses(LAB.sessions[0], list(CELLS.values()))
-    lab = LAB.model_copy(update={"imaging": imaging})
-    bench = Bench(lab, LAB.sessions[0], None, None, None, last=len(presses) - 1)
-    assert [bench.exposure(presses[k]) for k in (0, -1)] == [1.0, 0.9]
-    assert Bench(LAB, LAB.sessions[0], None, None, None, last=3).exposure(presses[2]) == 1.0
-
-    # The digest of a truth cell is of what is written.
-    later = {"vignetting", "uneven_light", "defocus_px_per_mm", "focus_z_mm", "exposure_drift"}
-    assert not later & set(LAB.model_dump()["imaging"])
-    changed = LAB.imaging.model_copy(update={"vignetting": 0.1})
-    assert changed.model_dump()["vignetting"] == 0.1
-
-
-def test_a_session_in_colour_is_read_as_a_grey_one(truth, made, tmp_path):
-    colours = {"background_rgb": [40.0, 20.0, 10.0], "particle_rgb": [90.0, 220.0, 60.0]}
-    lab = LAB.model_copy(update={"imaging": LAB.imaging.model_copy(update=colours)})
-    make_session(lab, LAB.sessions[1], STUDY, CELLS, truth, tmp_path / "two")
-    image = cv2.imread(str(tmp_path / "two" / "reference.png"), cv2.IMREAD_UNCHANGED)
-    assert image.shape == (160, 200, 3)
-    readings = read_recording(tmp_path / "two", CELLS, STUDY.sensor).readings
-    other = read_recording(made / "two", CELLS, STUDY.sensor).readings
-    assert list(readings["image"]) == list(other["image"])
-    first, second = (read_grey(tmp_path / "two" / "images" / f"p00000_{i}.png").astype(float) for i in (0, 1))
-    # the noise of two images in three channels of 2 levels: 2 x 0.6685, with the rounding of grey levels
-    assert_allclose((first - second).std(), np.sqrt(2 * ((2 * 0.6685) ** 2 + 1 / 12)), rtol=0.03)

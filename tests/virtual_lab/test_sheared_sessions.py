@@ -106,7 +106,8 @@ def shard(recorded):
     return out, join_shard(study, list(cells), files, {"one": folder.parent / "one.h5"}, out)
 
 
-def test_a_path_is_one_press_of_which_the_verdict_sees_the_loading(recorded):
+def test_a_path_is_one_press_of_loading_whose_images_need_not_be_alike(recorded):
+    # A path is one press of which the verdict sees the loading
     study, _, folder = recorded
     readings = read_recording(folder, plan_cells(study), study.sensor).readings
     right = readings[readings["cell"] == "right"]
@@ -130,6 +131,20 @@ def test_a_path_is_one_press_of_which_the_verdict_sees_the_loading(recorded):
     # Presses on a sensor that softens are straight
     with pytest.raises(RecordingError, match="moves sideways; on a sensor that softens"):
         recorded_presses(readings, plan_cells(study), study)
+
+    # Images of a sideways motion are not asked to be alike. At one depth they show motions of very different sizes;
+    # one that is black is found all the same
+    recording = read_recording(folder, plan_cells(study), study.sensor)
+    rows = sample_rows(recording)
+    rows = rows[rows["image"] != ""]
+    moved = {"zero": 0.01, "load": 0.5, "dwell": 0.5, "shear": 2.0, "unload": 2.0}
+    light = np.where(rows.index == rows.index[rows["phase"] == "shear"][0], 0.0, 1.0)
+    measures = [
+        Measures(100.0, gain, gain, moved[phase], 0.0, image)
+        for phase, image, gain in zip(rows["phase"], rows["image"], light)
+    ]
+    found = judge_all(recording, add_measures(rows.assign(run=0), measures), 1.0)
+    assert [finding.test for finding in found.of("excluded")] == ["image_content"]
 
 
 def test_labels_of_a_sheared_session_agree_step_by_step(shard):
@@ -165,15 +180,37 @@ def test_labels_of_a_sheared_session_agree_step_by_step(shard):
     assert len(set(groups[cell == "straight"])) == 2 + 2  # two images at each of two depths, two untouched
 
 
-def test_a_session_of_sheared_presses_alone_is_read(recorded, tmp_path):
+def test_a_session_of_sheared_presses_is_read_with_its_depth_before_the_motion(recorded, tmp_path):
+    # A session of sheared presses alone is read
+    alone = tmp_path / "alone"
+    alone.mkdir()
     study, _, folder = recorded
-    other = tmp_path / "one"
+    other = alone / "one"
     shutil.copytree(folder, other)
     table = pd.read_csv(other / "indentations.csv", keep_default_na=False)
     table[table["cell"] != "straight"].to_csv(other / "indentations.csv", index=False)
     recording = read_recording(other, plan_cells(study), study.sensor)
     assert recording.findings.lines("excluded") == recording.findings.lines("note") == []
-    session_features(recording, study.features, tmp_path / "one.h5")
+    session_features(recording, study.features, alone / "one.h5")
+
+    # The agreement has the depth before the sideways motion
+    agreed = tmp_path / "agreed"
+    agreed.mkdir()
+    study, files, folder = recorded
+    write_readings(agreed / "one.csv", read_recording(folder, plan_cells(study), study.sensor))
+    table = agreement_table({"one": agreed / "one.csv"}, files).set_index("cell")
+    assert_allclose(table.loc["right", ["x_mm", "depth_mm"]].astype(float), [16, 1.2], atol=1e-3)
+    assert abs(table.loc["right", "fem_x_N"]) < 1e-3  # sheared it is 0.09 N
+    assert_allclose(table.loc["right", "ft_z_N"], table.loc["right", "fem_z_N"], rtol=0.05)
+
+    # A deeper touch scales forces as the loading does
+    motion = PathMotion(
+        np.ones((2, 1, 3)), np.array([[0.1, 0, -1.0], [0.0, 0, 0]]), np.array([2.0, 0.0]), lambda d: d**1.5
+    )
+    moved, force = motion.deeper(0, 0.02)
+    assert_allclose(moved, 1.01)
+    assert_allclose(force, np.array([0.1, 0, -1.0]) * 1.01**1.5)
+    assert_allclose(motion.deeper(1, 0.02)[1], 0)  # back at the surface
 
 
 @pytest.mark.parametrize(
@@ -246,38 +283,3 @@ def test_a_path_that_no_recording_tells_is_refused(phases, more, message):
     else:
         with pytest.raises(VirtualLabError, match=message):
             check_recordable(planned)
-
-
-def test_a_deeper_touch_scales_forces_as_the_loading_does():
-    motion = PathMotion(
-        np.ones((2, 1, 3)), np.array([[0.1, 0, -1.0], [0.0, 0, 0]]), np.array([2.0, 0.0]), lambda d: d**1.5
-    )
-    moved, force = motion.deeper(0, 0.02)
-    assert_allclose(moved, 1.01)
-    assert_allclose(force, np.array([0.1, 0, -1.0]) * 1.01**1.5)
-    assert_allclose(motion.deeper(1, 0.02)[1], 0)  # back at the surface
-
-
-def test_images_of_a_sideways_motion_are_not_asked_to_be_alike(recorded):
-    """At one depth they show motions of very different sizes; one that is black is found all the same."""
-    study, _, folder = recorded
-    recording = read_recording(folder, plan_cells(study), study.sensor)
-    rows = sample_rows(recording)
-    rows = rows[rows["image"] != ""]
-    moved = {"zero": 0.01, "load": 0.5, "dwell": 0.5, "shear": 2.0, "unload": 2.0}
-    light = np.where(rows.index == rows.index[rows["phase"] == "shear"][0], 0.0, 1.0)
-    measures = [
-        Measures(100.0, gain, gain, moved[phase], 0.0, image)
-        for phase, image, gain in zip(rows["phase"], rows["image"], light)
-    ]
-    found = judge_all(recording, add_measures(rows.assign(run=0), measures), 1.0)
-    assert [finding.test for finding in found.of("excluded")] == ["image_content"]
-
-
-def test_the_agreement_has_the_depth_before_the_sideways_motion(recorded, tmp_path):
-    study, files, folder = recorded
-    write_readings(tmp_path / "one.csv", read_recording(folder, plan_cells(study), study.sensor))
-    table = agreement_table({"one": tmp_path / "one.csv"}, files).set_index("cell")
-    assert_allclose(table.loc["right", ["x_mm", "depth_mm"]].astype(float), [16, 1.2], atol=1e-3)
-    assert abs(table.loc["right", "fem_x_N"]) < 1e-3  # sheared it is 0.09 N
-    assert_allclose(table.loc["right", "ft_z_N"], table.loc["right", "fem_z_N"], rtol=0.05)

@@ -24,14 +24,14 @@ def at(x, y, z=-2.0):
     return np.array([[x, y, z]])
 
 
-def test_every_pixel_moves_as_the_particles_where_all_move_alike():
+def test_pixels_move_as_their_nearest_particles_and_none_is_refused():
+    # Every pixel moves as the particles where all move alike
     particles = np.random.default_rng(1).uniform([4, 4, -2], [28, 28, -2], (40, 3))
     flow = View.of(CAMERA, particles, 0.3).flow(particles + [0.11, -0.22, 0.0])
     scale = CAMERA.focal_px / ABOVE_PINHOLE_MM  # px per mm; the camera looks up, y is upwards in the image
     assert_allclose(np.abs(flow), np.broadcast_to([0.11 * scale, 0.22 * scale], flow.shape), rtol=1e-5)
 
-
-def test_a_nearer_particle_hides_a_farther_one_and_none_is_refused():
+    # A nearer particle hides a farther one and none is refused
     particles = np.concatenate([at(16, 16, -2), at(16, 16, -5), at(16, 24)])
     view = View.of(CAMERA, particles, 0.6)
     middle = np.rint(view.pixels[1]).astype(int)
@@ -68,8 +68,9 @@ def recorded(tmp_path_factory):
     return readings, features, dict(true_presses(STUDY, lab, CELLS, folder / "truth", wanted))
 
 
-def test_the_true_force_and_the_share_of_the_contact_point_are_exact(recorded):
-    """At the depth that was reached, of mirrored cells too: 0.01 mm of the contact point are 4 mN."""
+def test_true_force_and_motion_of_the_images_are_those_of_the_solution(recorded):
+    # The true force and the share of the contact point are exact. At the depth that was reached, of mirrored cells
+    # too: 0.01 mm of the contact point are 4 mN
     readings, _, true = recorded
     for session, table in readings.items():
         held = table[at_commanded_depth(table) & (table["phase"] == "load")]
@@ -90,14 +91,8 @@ def test_the_true_force_and_the_share_of_the_contact_point_are_exact(recorded):
         sizes.append(np.abs(found.contact_point_bin_N[:, 2]).sum())
     assert 1e-4 < np.mean(sizes) < 0.01  # 0.01 mm times 0.4 N/mm
 
-
-def _source_xy(planned):
-    source = CELLS[planned.source] if planned.source else planned
-    return source.x_mm, source.y_mm
-
-
-def test_the_images_show_the_true_motion(recorded):
-    """The flow of the drawn images is the true motion but for a part of it: session by session, mirrored cells too."""
+    # The images show the true motion. The flow of the drawn images is the true motion but for a part of it: session
+    # by session, mirrored cells too
     import h5py
 
     _, features, true = recorded
@@ -110,6 +105,11 @@ def test_the_images_show_the_true_motion(recorded):
             )
         assert np.sqrt((exact**2).sum(-1).mean()) > 0.1  # px
         assert ((seen - exact) ** 2).sum() < 0.15 * (exact**2).sum()
+
+
+def _source_xy(planned):
+    source = CELLS[planned.source] if planned.source else planned
+    return source.x_mm, source.y_mm
 
 
 def _components(feature):
