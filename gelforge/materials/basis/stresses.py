@@ -10,7 +10,8 @@ import numpy as np
 # Less does not distinguish a law from a straight line: the stress of a neo-Hookean strip (Treloar 1943) departs from one by
 # the strain itself, there 2 %.
 LEAST_STRAIN = 0.02
-LEAST_RADIUS_TO_THICKNESS = 10.0  # the membrane formula needs h0 << r; bending is then below (h0 / r)^2 = 1 %
+# The membrane formula needs h0 << r: bending is then below (h0 / r)^2 = 1 % (Timoshenko and Woinowsky-Krieger 1959).
+LEAST_RADIUS_TO_THICKNESS = 10.0
 
 
 def nominal_from_force(force_N, cross_section_mm2: float):

@@ -24,17 +24,23 @@ STRAIN_AT_START = 0.005
 # The stress extrapolates to zero this far from rest: a toe of 0.03 is reported, a clean curve has nothing to report
 # (tests/materials/test_mapping.py).
 TOE_STRAIN = 0.005
-TOE_WINDOW = 0.25  # of strain above the first row; the small-strain modulus is found there
+# Of strain above the first row: by what lies there preloads of gels with exponents of 1.3 to 3 are mended within 1 %
+# (tests/materials/test_curve_defects.py).
+TOE_WINDOW = 0.25
 # Exponent of an Ogden solid of one term: 1.3 of the first term of rubber (Ogden 1972), 2 of a neo-Hookean solid, 3 of a gel
 # that stiffens (judgement). It keeps the curve neo-Hookean where noise hides how it bends.
 EXPONENT, EXPONENT_SD = 2.0, 1.0
-LEAST_NOISE = 1e-4  # of the largest stress: what load cells resolve (judgement)
-RATE_DIFFERS = 0.1  # relative
+# Of the largest stress: a third of what load cells of class C3 resolve (OIML R 60:2021).
+LEAST_NOISE = 1e-4
+# Relative: a rate of 0.05 1/s in a file's name is reported where its columns give 0.2 (tests/materials/test_mapping.py).
+RATE_DIFFERS = 0.1
 RATE_SPREAD = 1.5  # between the slow and the fast tenth of a loading
 INTERVAL_SPREAD = 3.0  # between the sampling intervals of one test
 LEFT_STRESS = 5e-3  # of the largest: the drift that a load cell of half a per cent may have (ISO 7500-1:2018, class 0.5)
 PRELOAD_ROWS = 3  # that wait at one stretch before the ramp
-SIGMAS = 3.0  # an offset smaller than this many standard errors is noise
+# An offset smaller than this many standard errors is noise: a clean curve has nothing to report, 2 kPa at rest are reported
+# (tests/materials/test_mapping.py).
+SIGMAS = 3.0
 
 
 def findings(test: MaterialTest, stated_rate: float | None = None, stated_by: str = "") -> list[str]:
