@@ -43,7 +43,7 @@ ROOMS = {
     "indentation": ("sensor", "paths", "effects", "cells", "planning", "solving"),
     "recording": ("tables", "imaging", "optics", "plausibility"),
     "learning": ("basis", "elasticity", "networks", "models", "training", "judging", "deployment"),
-    "materials": ("imaging", "basis", "plausibility", "small_tests", "readers", "covariates", "fitting"),
+    "materials": ("basis", "imaging", "plausibility", "small_tests", "readers", "covariates", "fitting"),
     "report": ("figures", "chapters", "verdict"),
     "cli": (
         *("values", "shared_arguments", "commands", "workflow_commands", "arguments", "tables", "extras"),

@@ -218,7 +218,6 @@ def test_entries_read_the_files_that_they_name_and_two_curves_are_two_samples(tm
     # An entry reads the files that it names and are left
     named = tmp_path / "named"
     named.mkdir()
-    named.mkdir()
     entry = {"files": ["d.csv", "e.csv"], "kind": "uniaxial", **COLUMNS}
     with pytest.raises(
         TableError, match=r"entry 1 of the mapping \(uniaxial, files \['e\.csv'\]\) reads no file"

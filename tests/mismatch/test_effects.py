@@ -116,15 +116,15 @@ def test_an_effect_enters_by_its_file(tmp_path, monkeypatch):
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
     text = (Path(effects.__file__).parent / "lateral_play.py").read_text()
     (tmp_path / "roll.py").write_text(text.replace('name="lateral_play"', 'name="roll"'))
-    found = effects.found()
+    found = effects.catalogue_of_modules()
     assert set(found) == {*CATALOGUE, "roll"} and found["roll"].name == "roll"
     (tmp_path / "pitch.py").write_text(text)
     with pytest.raises(ValueError, match=r"pitch\.py holds the effect 'lateral_play'"):
-        effects.found()
+        effects.catalogue_of_modules()
     (tmp_path / "pitch.py").unlink()
     (tmp_path / "heave.py").write_text("EFFECT = 1\n")
     with pytest.raises(TypeError, match=r"heave\.py defines no EFFECT"):
-        effects.found()
+        effects.catalogue_of_modules()
 
 
 # --------------------------------------------------------------------------------------------------- the battery

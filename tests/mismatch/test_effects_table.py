@@ -40,7 +40,7 @@ def test_the_guides_example_is_an_effect(tmp_path, monkeypatch):
     """As printed it enters by its file; nothing of it is the base bit for bit, and it acts as the guide says."""
     shutil.copy(EXAMPLE, tmp_path)
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
-    effect = effects.found()["depth_scale"]
+    effect = effects.catalogue_of_modules()["depth_scale"]
     context = artificial.context(per_side=2)
     assert np.array_equal(effect.to_forces(context, {}, context.force, [0.0]), context.force)
     found = effect.to_forces(context, {}, context.force, [0.01]) - context.force

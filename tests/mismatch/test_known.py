@@ -59,8 +59,8 @@ def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, theta, hy
 @pytest.mark.parametrize(
     ("effect", "theta", "hyperparameters", "told"),
     [
-        ("force_frame", {"on": 1}, {}, r"must have \['axes'\]; those tried are axes: turned by 180 deg, "),
-        ("force_unit", {"on": 1}, {}, r"must have \['unit'\]; those tried are unit: .*kgf"),
+        ("force_frame", {"on": 1}, {}, r"must be \['axes'\]; those tried are axes: turned by 180 deg, "),
+        ("force_unit", {"on": 1}, {}, r"must be \['unit'\]; those tried are unit: .*kgf"),
         (
             "force_frame",
             {"on": 1},
@@ -68,7 +68,7 @@ def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, theta, hy
             "no axes 'askew'; those tried are axes: turned by 180 deg",
         ),
         ("force_frame", {"on": 1}, {"axis": "y reversed"}, r"its hyperparameters are \['axis'\] and must be"),
-        ("force_gain", {"z": 0.1}, {"axes": "y reversed"}, r"must have \[\]; those tried are none"),
+        ("force_gain", {"z": 0.1}, {"axes": "y reversed"}, r"must be \[\]; those tried are none"),
         ("force_gain", {"w": 0.1}, {}, r"no parameter \['w'\]; it has"),
         ("force_grain", {"z": 0.1}, {}, "no effect 'force_grain'"),
     ],

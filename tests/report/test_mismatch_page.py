@@ -181,7 +181,7 @@ def test_defects_and_patches_are_drawn_and_detection_limits_are_ten_at_most(tmp_
     limited.mkdir()
     limit = content["detection_limits"][0]
     more = [limit | {"effect": f"effect_{k}"} for k in range(12)]
-    axes = [limit | {"effect": "force_gain", "parameter": axis, "amount": 1.234} for axis in "xyz"]
+    axes = [limit | {"effect": "force_gain", "parameter": axis, "value": 1.234} for axis in "xyz"]
     content["detection_limits"] = [*more, *axes, limit]
     folder = fake_verdict.write_fake_verdict(limited, content)
     table = next(b for b in limits(MismatchResults(folder)).blocks if b.kind == "table")

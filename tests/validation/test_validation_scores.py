@@ -138,11 +138,11 @@ def test_gains_distances_and_intervals_are_measured_against_the_truth():
     # Intervals count where the effect was found
     verdict = {
         "state": "identified", "answer": [{"members": ["tilt"], "probability": 0.99}], "where": [],
-        "effects": [{"name": "tilt", "amounts": [{"name": "about_x", "value": 0.48, "interval_90": [0.4, 0.6]}]}],
+        "effects": [{"name": "tilt", "parameters": [{"name": "about_x", "value": 0.48, "interval_90": [0.4, 0.6]}]}],
     }  # fmt: skip
     found = judged_from(truth_of([[0, 0, 0]] * 2), verdict, None)
     assert found.covered == (True,) and found.short == pytest.approx((0.02 * 3.29 / 0.2,))  # 0.5 is true
-    verdict["effects"][0]["amounts"][0]["interval_90"] = [0.51, 0.6]
+    verdict["effects"][0]["parameters"][0]["interval_90"] = [0.51, 0.6]
     assert judged_from(truth_of([[0, 0, 0]] * 2), verdict, None).covered == (False,)
 
     # A claimed defect is as far as it lies from the true one
