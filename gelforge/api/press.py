@@ -102,8 +102,8 @@ class Pressed:
                 zip(attributes.get("sensitivity_names", ()), attributes.get("sensitivity_units", ()))
             )
         }
-        same = ("depth_mm", "total_force_N", "side_force_N", "bin_force_N", "bin_normal_N", "node_xy_mm")
-        same += ("node_displacement_mm", "node_normal_N", "node_state")
+        same = ["depth_mm", "total_force_N", "side_force_N", "bin_force_N", "bin_normal_N", "node_xy_mm"]
+        same += ["node_displacement_mm", "node_normal_N", "node_state"]
         return cls(
             phase=tuple(str(phase) for phase in attributes["phases"]),
             total_sigma_N=_sigma(a, "total"),

@@ -201,8 +201,8 @@ def _heights(
     """
     if dots:
         box = dots_box(dots, sensor)
-        layers = zip(sensor.imaged_layers, gel_boxes(sensor))
-        named = next(layer.name for layer, corners in layers if corners[0][2] == box[0][2])
+        imaged = zip(sensor.imaged_layers, gel_boxes(sensor))
+        named = next(layer.name for layer, corners in imaged if corners[0][2] == box[0][2])
         return [((named, box), -dots.depth_mm, 1.0)]
     layers = [layer for layer in sensor.layers if layer.particle_volume_fraction > 0]
     heights, covered = [], 0.0

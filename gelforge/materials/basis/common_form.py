@@ -9,6 +9,7 @@ strips). In simple shear `stretch` is the amount of shear gamma and the stress i
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -141,7 +142,7 @@ class IndentationTest:
         )
 
 
-def _chosen(test, arrays: tuple[str, ...], rows) -> dict[str, np.ndarray]:
+def _chosen(test, arrays: tuple[str, ...], rows) -> dict[str, Any]:
     """Return rows of those arrays of a test that it has, by name."""
     return {name: getattr(test, name)[rows] for name in arrays if getattr(test, name) is not None}
 

@@ -61,7 +61,6 @@ def _first_hold(test: MaterialTest) -> int:
 
 
 def _relaxation(test: MaterialTest, fit: Relaxation) -> MeasuredEffect:
-    what = "relaxation", test.test, "share of stress lost during the hold"
     source = "bootstrap of the hold's residuals (one sample)"
     parameters = {
         "stretch": fit.stretch,
@@ -79,8 +78,19 @@ def _relaxation(test: MaterialTest, fit: Relaxation) -> MeasuredEffect:
         "better": fit.better,
     }
     sentence = f"{test.sample}: {fit.sentence}"
-    size = fit.drop, fit.drop_interval, source, "1"
-    return MeasuredEffect(*what, *size, fit.verdict, sentence, (test.sample,), parameters)
+    return MeasuredEffect(
+        effect="relaxation",
+        test=test.test,
+        quantity="share of stress lost during the hold",
+        value=fit.drop,
+        interval=fit.drop_interval,
+        interval_from=source,
+        unit="1",
+        verdict=fit.verdict,
+        sentence=sentence,
+        samples=(test.sample,),
+        parameters=parameters,
+    )
 
 
 def _drops(test: MaterialTest) -> list[float]:
@@ -99,15 +109,25 @@ def _mean_relaxation(kind: str, held: list[tuple[MaterialTest, Relaxation]]) -> 
         f"From {begin:.3g} to {end:.3g} s of the hold {len(held)} samples lose {mean.value:.1%} of their stress (95 %"
         f" interval {low:.1%} to {high:.1%}): {ENDINGS.get(verdict, verdict)}."
     )
-    what = "relaxation", kind, "share of stress lost within the time that all holds share, mean of samples"
     parameters = {
         "time_s": [begin, end],
         "deviation": mean.deviation,
         "drop_of_an_ideal_step": step.value,  # reaches back to the step by the Prony series
         "drop_of_an_ideal_step_interval_95": list(step.interval),
     }
-    size = mean.value, mean.interval, BETWEEN_SAMPLES, "1"
-    return MeasuredEffect(*what, *size, verdict, sentence, tuple(t.sample for t, _ in held), parameters)
+    return MeasuredEffect(
+        effect="relaxation",
+        test=kind,
+        quantity="share of stress lost within the time that all holds share, mean of samples",
+        value=mean.value,
+        interval=mean.interval,
+        interval_from=BETWEEN_SAMPLES,
+        unit="1",
+        verdict=verdict,
+        sentence=sentence,
+        samples=tuple(t.sample for t, _ in held),
+        parameters=parameters,
+    )
 
 
 def cycle_effects(tests: list[MaterialTest]) -> Found:
@@ -141,30 +161,38 @@ def _hysteresis(kind: str, first: list[tuple[MaterialTest, Loop]]) -> MeasuredEf
         "largest_stretch_by_sample": {t.sample: loop.largest_stretch for t, loop in first},
         "residual_strain_mean": float(np.mean(residual)) if residual else None,
     }
-    what = "hysteresis", kind, "share of the first cycle's loading work that is lost"
     if len(first) == 1:
         loop = first[0][1]
-        error = loop.quadrature_error
-        verdict = "negligible" if abs(loop.lost_share) + error < NEGLIGIBLE else "significant hysteresis"
-        interval = (loop.lost_share - error, loop.lost_share + error)
-        size, sentence = (
-            (loop.lost_share, interval, "spacing of the rows (one sample)", "1"),
-            f"{names[0]}: {loop.sentence}",
+        value, error, source = loop.lost_share, loop.quadrature_error, "spacing of the rows (one sample)"
+        interval = (value - error, value + error)
+        verdict = "negligible" if abs(value) + error < NEGLIGIBLE else "significant hysteresis"
+        sentence = f"{names[0]}: {loop.sentence}"
+    else:
+        mean = mean_of(shares)
+        value, interval, source = mean.value, mean.interval, BETWEEN_SAMPLES
+        low, high = interval
+        verdict = "negligible" if high < NEGLIGIBLE else "significant hysteresis" if low > 0 else "undecided"
+        ending = {
+            "negligible": f"hysteresis is negligible (below {NEGLIGIBLE:.0%})",
+            "undecided": "whether hysteresis matters is not decided",
+        }.get(verdict, verdict)
+        sentence = (
+            f"The first cycle loses {value:.1%} of the loading work (95 % interval {low:.1%} to {high:.1%},"
+            f" {mean.count} samples): {ending}."
         )
-        return MeasuredEffect(*what, *size, verdict, sentence, names, parameters)
-    mean = mean_of(shares)
-    low, high = mean.interval
-    verdict = "negligible" if high < NEGLIGIBLE else "significant hysteresis" if low > 0 else "undecided"
-    ending = {
-        "negligible": f"hysteresis is negligible (below {NEGLIGIBLE:.0%})",
-        "undecided": "whether hysteresis matters is not decided",
-    }.get(verdict, verdict)
-    sentence = (
-        f"The first cycle loses {mean.value:.1%} of the loading work (95 % interval {low:.1%} to {high:.1%},"
-        f" {mean.count} samples): {ending}."
+    return MeasuredEffect(
+        effect="hysteresis",
+        test=kind,
+        quantity="share of the first cycle's loading work that is lost",
+        value=value,
+        interval=interval,
+        interval_from=source,
+        unit="1",
+        verdict=verdict,
+        sentence=sentence,
+        samples=names,
+        parameters=parameters,
     )
-    size = mean.value, mean.interval, BETWEEN_SAMPLES, "1"
-    return MeasuredEffect(*what, *size, verdict, sentence, names, parameters)
 
 
 def _softenings(of_kind: list[MaterialTest], cycled: list[MaterialTest]):
@@ -188,12 +216,20 @@ def _softenings(of_kind: list[MaterialTest], cycled: list[MaterialTest]):
 
 
 def _softening(kind: str, changes: list[float], names: tuple[str, ...]) -> MeasuredEffect:
-    what = "softening", kind, "relative change of the stress from the first to the second loading"
     source = BETWEEN_SAMPLES if len(changes) > 1 else "none: one sample"
-    size = float(np.mean(changes)), softening_interval(changes), source, "1"
     verdict, sentence = softening_verdict(changes), softening_sentence(changes)
     return MeasuredEffect(
-        *what, *size, verdict, sentence, names, {"change_by_sample": dict(zip(names, changes))}
+        effect="softening",
+        test=kind,
+        quantity="relative change of the stress from the first to the second loading",
+        value=float(np.mean(changes)),
+        interval=softening_interval(changes),
+        interval_from=source,
+        unit="1",
+        verdict=verdict,
+        sentence=sentence,
+        samples=names,
+        parameters={"change_by_sample": dict(zip(names, changes))},
     )
 
 
@@ -207,10 +243,20 @@ def _ogden_roxburgh(kind: str, cycled: list[MaterialTest]) -> MeasuredEffect:
         "standard_error": [error, float(fit.standard_error[1]) * 1e3, float(fit.standard_error[2])],
         "rms": fit.rms,
     }
-    what = "ogden_roxburgh", kind, "Ogden and Roxburgh's r"
-    size = fit.r, (fit.r - 1.96 * error, fit.r + 1.96 * error), "1.96 standard errors of the fit", "1"
     verdict = "determined" if fit.determined else "not determined"
-    return MeasuredEffect(*what, *size, verdict, fit.sentence, tuple(t.sample for t in cycled), parameters)
+    return MeasuredEffect(
+        effect="ogden_roxburgh",
+        test=kind,
+        quantity="Ogden and Roxburgh's r",
+        value=fit.r,
+        interval=(fit.r - 1.96 * error, fit.r + 1.96 * error),
+        interval_from="1.96 standard errors of the fit",
+        unit="1",
+        verdict=verdict,
+        sentence=fit.sentence,
+        samples=tuple(t.sample for t in cycled),
+        parameters=parameters,
+    )
 
 
 def lateral_effects(tests: list[MaterialTest]) -> Found:
@@ -218,7 +264,9 @@ def lateral_effects(tests: list[MaterialTest]) -> Found:
     effects, constant_volume = [], {"uniaxial": -0.5, "pure_shear": 0.0, "equibiaxial": 1.0}
     for kind, expected in constant_volume.items():
         slopes = {}
-        for test in (t for t in tests if t.test == kind and t.stretch_2 is not None):
+        for test in tests:
+            if test.test != kind or test.stretch_2 is None:
+                continue
             e1, e2 = np.log(test.stretch), np.log(test.stretch_2)
             rows = np.isfinite(e2) & (np.abs(e1) > LEAST_LATERAL_STRAIN)
             if rows.sum() > 2:
@@ -244,7 +292,17 @@ def _lateral(kind: str, slopes: dict[str, float], expected: float) -> MeasuredEf
         f"The tracked lateral stretch follows ln lam_2 = {mean.value:.3f} ln lam_1 (95 % interval {low:.3f} to"
         f" {high:.3f}, {mean.count} samples): {ending}."
     )
-    what = "lateral_contraction", kind, "tracked ln stretch_2 over ln stretch_1"
-    size = mean.value, mean.interval, BETWEEN_SAMPLES, "1"
     parameters = {"constant_volume": expected, "slope_by_sample": slopes}
-    return MeasuredEffect(*what, *size, verdict, sentence, tuple(slopes), parameters)
+    return MeasuredEffect(
+        effect="lateral_contraction",
+        test=kind,
+        quantity="tracked ln stretch_2 over ln stretch_1",
+        value=mean.value,
+        interval=mean.interval,
+        interval_from=BETWEEN_SAMPLES,
+        unit="1",
+        verdict=verdict,
+        sentence=sentence,
+        samples=tuple(slopes),
+        parameters=parameters,
+    )

@@ -153,7 +153,8 @@ def _read_sample(folder: Path, line: int, row: pd.Series, sections: dict[str, Me
         raise TableError(f"{where}: file {row.file!r} is not in {folder}; add it or drop the row")
     if "nominal_stress_kPa" in read_csv(path).columns:
         columns = ("stretch_1", "nominal_stress_kPa")
-        table, said = read_csv(path, numbers=columns, optional_numbers=("time_s", "stretch_2")), []
+        said: list[str] = []
+        table = read_csv(path, numbers=columns, optional_numbers=("time_s", "stretch_2"))
         stretch, time_s = _checked_stretch(path, table, row.history), table["time_s"].to_numpy()
         stress = table["nominal_stress_kPa"].to_numpy() * 1e-3 * stretch
         if not np.isnan(time_s).any():

@@ -83,9 +83,20 @@ def _friction(mu: Mean) -> MeasuredEffect:
         f"The static friction coefficient is {mu.value:.3f} (95 % interval {low:.3f} to {high:.3f}, {mu.count} tilt"
         f" trials that scatter by {mu.deviation:.3f})."
     )
-    what = "friction", "tilt", "static friction coefficient"
     parameters = {"deviation": mu.deviation, "trials": mu.count}
-    return MeasuredEffect(*what, mu.value, mu.interval, T_INTERVAL, "1", "measured", sentence, (), parameters)
+    return MeasuredEffect(
+        effect="friction",
+        test="tilt",
+        quantity="static friction coefficient",
+        value=mu.value,
+        interval=mu.interval,
+        interval_from=T_INTERVAL,
+        unit="1",
+        verdict="measured",
+        sentence=sentence,
+        samples=(),
+        parameters=parameters,
+    )
 
 
 def _thickness(by_sample: dict[str, Mean]) -> MeasuredEffect:
@@ -97,13 +108,23 @@ def _thickness(by_sample: dict[str, Mean]) -> MeasuredEffect:
         f"The sheets are {mean.value:.4g} mm thick (95 % interval {low:.4g} to {high:.4g}, {len(by_sample)} sample"
         f"{'' if single else 's'}); the thickness of one sample is known to {error:.2%}, and so is its stress."
     )
-    what = "sheet_thickness", "sections", "thickness of the sheets"
-    size = mean.value, mean.interval, f"Student's t over the {'sections' if single else 'samples'}", "mm"
     parameters = {
         "relative_standard_error_of_a_sample": error,
         "thickness_mm_by_sample": {name: m.value for name, m in by_sample.items()},
     }
-    return MeasuredEffect(*what, *size, "measured", sentence, tuple(by_sample), parameters)
+    return MeasuredEffect(
+        effect="sheet_thickness",
+        test="sections",
+        quantity="thickness of the sheets",
+        value=mean.value,
+        interval=mean.interval,
+        interval_from=f"Student's t over the {'sections' if single else 'samples'}",
+        unit="mm",
+        verdict="measured",
+        sentence=sentence,
+        samples=tuple(by_sample),
+        parameters=parameters,
+    )
 
 
 def _modulus(press: Press) -> MeasuredEffect:
@@ -116,7 +137,6 @@ def _modulus(press: Press) -> MeasuredEffect:
         f"{name}: Young's modulus {fit.youngs_modulus:.4g} MPa (95 % interval {low:.4g} to {high:.4g}), contact at"
         f" {fit.contact_mm:.4g} mm, the layer's thickness raises the force by {fit.correction - 1:.1%}.{said}"
     )
-    what = "microindentation", "indentation", "Young's modulus by Hertz with thin-layer correction"
     source = "bootstrap of the indentation's residuals (one indentation)"
     parameters = {
         "ball_radius_mm": press.test.ball_radius_mm,
@@ -125,18 +145,39 @@ def _modulus(press: Press) -> MeasuredEffect:
         "largest_depth_mm": fit.largest_depth_mm,
         "layer_factor": fit.correction,
     }
-    size = fit.youngs_modulus, fit.interval, source, "MPa"
-    return MeasuredEffect(*what, *size, "measured", sentence, (name,), parameters)
+    return MeasuredEffect(
+        effect="microindentation",
+        test="indentation",
+        quantity="Young's modulus by Hertz with thin-layer correction",
+        value=fit.youngs_modulus,
+        interval=fit.interval,
+        interval_from=source,
+        unit="MPa",
+        verdict="measured",
+        sentence=sentence,
+        samples=(name,),
+        parameters=parameters,
+    )
 
 
 def _mean_modulus(moduli: list[MeasuredEffect]) -> MeasuredEffect:
     mean = mean_of([m.value for m in moduli])
     low, high = mean.interval
     sentence = f"The mean of {mean.count} indentations is {mean.value:.4g} MPa (95 % interval {low:.4g} to {high:.4g})."
-    what = "microindentation", "indentation", "Young's modulus, mean of indentations"
-    size = mean.value, mean.interval, "Student's t over the indentations", "MPa"
     samples = tuple(m.samples[0] for m in moduli)
-    return MeasuredEffect(*what, *size, "measured", sentence, samples, {"deviation_MPa": mean.deviation})
+    return MeasuredEffect(
+        effect="microindentation",
+        test="indentation",
+        quantity="Young's modulus, mean of indentations",
+        value=mean.value,
+        interval=mean.interval,
+        interval_from="Student's t over the indentations",
+        unit="MPa",
+        verdict="measured",
+        sentence=sentence,
+        samples=samples,
+        parameters={"deviation_MPa": mean.deviation},
+    )
 
 
 def _creep(test: IndentationTest, segment: str) -> MeasuredEffect:
@@ -151,10 +192,20 @@ def _creep(test: IndentationTest, segment: str) -> MeasuredEffect:
         f"{test.sample}: In the hold{time} the ball sinks by {moved * 1e3:.3g} um and the force changes by {changed:.2g} N"
         f"{share}."
     )
-    what = "relaxation", "indentation", "further depth in a hold"
-    size = moved, (moved - noise, moved + noise), "scatter of neighbouring rows (one indentation)", "mm"
     parameters = {"hold_s": lasts, "force_change_N": changed, "force_N": force}
-    return MeasuredEffect(*what, *size, "measured", sentence, (test.sample,), parameters)
+    return MeasuredEffect(
+        effect="relaxation",
+        test="indentation",
+        quantity="further depth in a hold",
+        value=moved,
+        interval=(moved - noise, moved + noise),
+        interval_from="scatter of neighbouring rows (one indentation)",
+        unit="mm",
+        verdict="measured",
+        sentence=sentence,
+        samples=(test.sample,),
+        parameters=parameters,
+    )
 
 
 def _row_noise(values: np.ndarray) -> float:
@@ -185,11 +236,21 @@ def _adhesion(test: IndentationTest) -> MeasuredEffect:
             (pulled.ratio - noise, pulled.ratio + noise),
             "noise of the force (one indentation)",
         )
-    what = "adhesion", "indentation", "pull-off force over the largest push"
     sentence = f"{test.sample}: {pulled.sentence}"
     parameters = {"pull_off_N": pulled.pull_off_N, "largest_push_N": pulled.largest_push_N}
-    size = pulled.ratio, interval, source, "1"
-    return MeasuredEffect(*what, *size, verdict, sentence, (test.sample,), parameters)
+    return MeasuredEffect(
+        effect="adhesion",
+        test="indentation",
+        quantity="pull-off force over the largest push",
+        value=pulled.ratio,
+        interval=interval,
+        interval_from=source,
+        unit="1",
+        verdict=verdict,
+        sentence=sentence,
+        samples=(test.sample,),
+        parameters=parameters,
+    )
 
 
 def _gain(pair: ForcePair) -> MeasuredEffect:
@@ -217,16 +278,25 @@ def _gain(pair: ForcePair) -> MeasuredEffect:
         verdict = "depends on the place"
 
     def mean_by_place(values: Iterable[float]) -> dict[str, float]:
-        return {
-            place: float(np.mean(v)) for place, v in grouped(zip((p.place for p in presses), values)).items()
-        }
+        of_places = grouped(zip((p.place for p in presses), values))
+        return {str(place): float(np.mean(v)) for place, v in of_places.items()}
 
-    what = "load_cell_gain", "force_pair", "force of the second load cell over the first (slope), less 1"
     parameters = {
         "gain_by_place": mean_by_place(p.gain for p in presses),
         "ratio_at_largest_force_by_place": mean_by_place(p.ratio for p in presses),
         "offset_under_load_N_by_place": mean_by_place(p.offset_N for p in presses),
         "deviation_within_a_place": within if np.isfinite(within) else None,
     }
-    size = mean.value, mean.interval, "Student's t over the places", "1"
-    return MeasuredEffect(*what, *size, verdict, f"{text}.", (pair.sample,), parameters)
+    return MeasuredEffect(
+        effect="load_cell_gain",
+        test="force_pair",
+        quantity="force of the second load cell over the first (slope), less 1",
+        value=mean.value,
+        interval=mean.interval,
+        interval_from="Student's t over the places",
+        unit="1",
+        verdict=verdict,
+        sentence=f"{text}.",
+        samples=(pair.sample,),
+        parameters=parameters,
+    )

@@ -205,14 +205,14 @@ class Effect:
 
     def in_words(self, hyperparameters: Hyperparameters, theta: Sequence[float]) -> str:
         """Return what it means at its parameter values, and where it lies if it has a place."""
-        coefficient = hyperparameters.get(
-            "coefficient"
-        )  # of friction, where the simulation has none; 0: where it has some
+        # of friction, where the simulation has none; 0: where it has some
+        coefficient = hyperparameters.get("coefficient")
         if coefficient is not None:
             real, simulated = ("friction", "none") if coefficient else ("no friction", "some")
             return f"there is {real}, and the simulation has {simulated}"
-        located = "x_mm" in hyperparameters
-        place = " near ({x_mm:.3g}, {y_mm:.3g}) mm".format(**hyperparameters) if located else ""
+        place = ""
+        if "x_mm" in hyperparameters:
+            place = f" near ({hyperparameters['x_mm']:.3g}, {hyperparameters['y_mm']:.3g}) mm"
         if len(self.means) == 1 or not theta[0]:
             return self.means[0] + place
         value, unit = abs(float(theta[0])), self.parameters[0].unit

@@ -16,7 +16,6 @@ from gelforge.report.figures.style import (
     INK,
     MAGNITUDE,
     PREDICTED,
-    Style,
     new_figure,
     region_colours,
     styled,
@@ -96,9 +95,17 @@ def draw_pressure(ax: Axes, node_xy_mm, displacement_mm, pressure_kPa, centre_mm
     xy = np.asarray(node_xy_mm)
     triangles = Triangulation(xy[:, 0], xy[:, 1]).triangles  # of the undeformed surface, which has no folds
     moved = xy + np.asarray(displacement_mm)[:, :2]
-    largest = max(float(pressure_kPa.max(initial=0.0)), 1e-6)
-    look: Style = {"shading": "gouraud", "cmap": MAGNITUDE, "vmin": 0, "vmax": largest, "rasterized": True}
-    image = ax.tripcolor(*moved.T, np.asarray(pressure_kPa), triangles=triangles, **look)
+    image = ax.tripcolor(
+        moved[:, 0],
+        moved[:, 1],
+        np.asarray(pressure_kPa),
+        triangles=triangles,
+        shading="gouraud",
+        cmap=MAGNITUDE,
+        vmin=0,
+        vmax=max(float(pressure_kPa.max(initial=0.0)), 1e-6),
+        rasterized=True,
+    )
     ax.plot(*moved.T, ".", ms=1.2, color=FAINT, rasterized=True)
     (x, y), half = centre_mm, half_width_mm
     ax.set(
