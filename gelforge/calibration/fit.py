@@ -159,9 +159,10 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
         a = np.concatenate(fit.theta)
         sd = np.sqrt(np.diag(fit.covariance))
         step = a - linear.at
+        small = np.abs(step) <= ENOUGH * sd
         # where a surface begins to slip, sensitivities of either side point to the other one
-        between = refused is not None and float(np.sum(step * refused / sd**2)) < 0
-        converged = between or bool(np.all(np.abs(step) <= ENOUGH * sd))
+        between = refused is not None and bool(np.all(small | (step * refused < 0)))
+        converged = between or bool(np.all(small))
         if between:
             a = linear.at
         if across and (converged or solved == MOST):

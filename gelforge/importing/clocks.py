@@ -28,8 +28,8 @@ LEAST_CORRELATION = 0.5
 # between rests they are not (tests/importing/test_clocks.py).
 CANDIDATE, RIVAL = 0.9, 0.95
 APART_S = ImportMapping.model_fields["least_dwell_s"].default  # the shortest wait: nearer lags are one peak
-# Of the grid, about the best lag: relaxation shifts it. 0.12 s, as far as a filter or relaxation moves a peak: lags are
-# found with both (tests/importing/test_clocks.py).
+# Of the grid, about the best lag: relaxation shifts it. 0.12 s, as far as relaxation moves a peak: lags are found with it
+# (tests/importing/test_clocks.py).
 NEAR_STEPS = 6
 # Of the median peak: an indentation that both signals must show. Weaker ones may drown in noise: shallow and deep
 # indentations of one log are aligned (tests/importing/test_clocks.py).

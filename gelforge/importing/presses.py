@@ -42,7 +42,7 @@ AFTER_S = 0.3
 # loses 6 % and passes, a slip of 90 % is refused (tests/importing/test_presses.py).
 SLIP_S, SLIP = 0.1, 0.3
 # Half of a contact point's interval, where each indentation has its own depth zero. A tenth of an indentation of 1 mm
-# changes its force by 15 % (Hertz 1882); wider intervals are refused (tests/importing/test_presses.py).
+# changes its force by 15 % (Hertz 1882).
 WIDEST_MM = 0.1
 
 

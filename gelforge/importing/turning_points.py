@@ -23,8 +23,7 @@ LOCAL_S, LOCAL_STEP_S = 1.0, 0.01  # around the coarse lag, each indentation on 
 # Between which rates are taken. 0.06 s, three periods of 50 Hz mains, which average out; lags of noisy logs are found
 # within 5 ms (tests/importing/test_clocks.py).
 RATE_STEPS = 6
-# Of the lag of the whole session. At 1 mm/s it is 0.01 mm of depth, the precision of contact points; noisier logs are
-# refused (tests/importing/test_clocks.py).
+# Of the lag of the whole session. At 1 mm/s it is 0.01 mm of depth, the precision of contact points (judgement).
 LARGEST_SE_S = 0.01
 # Over the session: drift beyond both. A clock that gains 900 ppm in eight indentations is refused, even ones pass
 # (tests/importing/test_clocks.py).
@@ -32,7 +31,7 @@ DRIFT_S, DRIFT_SE = 0.006, 4.0
 # Of an indentation's lag off the line: 11 dropped frames and steps of 0.25 s are named (tests/importing/test_clocks.py,
 # test_logs_of_programs.py).
 JUMP_S, JUMP_SPREADS = 0.02, 5.0
-# Two make a line whatever they show. Logs of two are refused (tests/importing/test_clocks.py).
+# Two make a line whatever they show.
 LEAST_PRESSES = 3
 # Of a jump of the lag, within which a step between two stamps explains it: steps of 0.25 s name the clock that made them
 # (tests/importing/test_logs_of_programs.py).

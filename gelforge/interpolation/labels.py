@@ -20,14 +20,14 @@ from gelforge.indentation.solving.mirror import mirror_cell
 from gelforge.interpolation.solved_sites import OWN, SolvedSites
 from gelforge.mechanics.laws.law import PrincipalLaw
 
-# attributes of the nearest solved site that hold for a label between as well: ranges of stretch, what was touched
-BY_DEPTH = (
+BY_DEPTH = (  # of OF_SITE: one value a depth
     "volume_outside_valid_range",
     "volume_law_unstable",
     "stretch_range",
     "leaves_valid_range",
     "law_unstable",
 )
+# attributes of the nearest solved site that hold for a label between as well: ranges of stretch, what was touched
 OF_SITE = (
     "settings",
     "regions",

@@ -67,6 +67,13 @@ def test_a_preload_of_a_way_over_the_unloaded_length_is_mended(tmp_path, kind, e
     shape = ogden_shape(kind, mended.stretch, exponent)
     assert 1e3 * float(shape @ mended.nominal_stress / (shape @ shape)) == pytest.approx(1e3 * G, rel=0.01)
 
+    # An unloading back to the zero of the extension changes nothing
+    (tmp_path / "a.csv").unlink()
+    cycle = [np.concatenate([one, one[::-1]]) for one in (way, noisy(stress, sd=0.01))]
+    known = {"history": "cyclic", "corrections": {"toe": "remove"}, "time": np.arange(322.0)}
+    again = read(tmp_path, *cycle, kind=kind, strain=strain, **known)
+    assert again.stretch[0] == pytest.approx(mended.stretch[0], abs=1e-3)
+
 
 def test_a_pull_at_rest_is_an_offset_and_a_cut_must_leave_enough(tmp_path):
     # A pull that rest cannot have is an offset

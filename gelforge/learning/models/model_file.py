@@ -265,7 +265,7 @@ def _model_from(content: dict) -> Model:
     network.load_state_dict(content["weights"])
     network.eval()
     parts: dict[str, Any] = {
-        name: kind(**_arrays(content[name])) if content[name] else None for name, kind in PARTS.items()
+        name: kind(**_arrays(content[name])) for name, kind in PARTS.items() if content[name]
     }
     model = Model(network, scaling, settings, **parts)
     if model.inverse is None and model.reads_inverse:

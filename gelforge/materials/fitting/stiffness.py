@@ -7,7 +7,8 @@ from gelforge.materials.fitting.law_file import MaterialLaw
 from gelforge.mechanics.laws.law import PrincipalLaw
 
 # Young's moduli [kPa] of what soft sensors are cast from: the softest gels have about 1 kPa, hard silicones and
-# polyurethanes 5 MPa. A modulus in Pa or MPa instead of kPa, 1000 times off, lies beyond one end for almost all of them.
+# polyurethanes 5 MPa. A modulus in Pa or MPa instead of kPa, 1000 times off, lies beyond one end for almost all of them
+# (tests/materials/test_stiffness.py).
 PLAUSIBLE_KPA = (0.5, 5000.0)
 
 

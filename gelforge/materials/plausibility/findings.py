@@ -101,9 +101,11 @@ def _zero_of_stress(test: MaterialTest, of_gauge: bool) -> float | None:
     that stiffens: it is found by an Ogden solid of one term.
     """
     start = zero_stress_strain(test)
-    if start is None or start[0] * np.sign(test.stretch[-1] - test.at_rest) >= 0:
-        return None if start is None else start[0]
+    if start is None:
+        return None
     lam, stress = _start_of_loading(test)
+    if start[0] * (lam[-1] - lam[0]) >= 0:  # slack or a toe, which lies within the rows
+        return start[0]
     noise = max(row_noise(stress), LEAST_NOISE * np.abs(stress).max())
 
     def errors(parameters: np.ndarray) -> np.ndarray:
@@ -218,7 +220,8 @@ def _toe(test):
     strain = zero_stress_strain(test)
     if strain is None:
         return
-    late = strain[0] * np.sign(test.stretch[-1] - test.at_rest)  # a concave curve has it before rest: no toe
+    lam, _ = _start_of_loading(test)
+    late = strain[0] * np.sign(lam[-1] - lam[0])  # a concave curve has it before rest: no toe
     if late > max(TOE_STRAIN, SIGMAS * strain[1]):
         yield (
             f"the stress extrapolates to zero at a strain of {strain[0]:.4f} +- {strain[1]:.4f}: toe, slack or an"

@@ -26,7 +26,7 @@ FINEST_SCALE = {"fine": 1, "full": 0}
 
 
 # Below it OpenCV changes the patch size from one call to the next, and an image's flow depends on those before it.
-# Smaller images are refused (tests/recording/test_flow.py).
+# Smaller images are refused (tests/recording/test_features.py).
 SMALLEST_PX = 96
 
 
