@@ -101,7 +101,7 @@ def case(number: int, seed: int, kind: str, sizes: float, out: Path) -> dict:
         merged(study_of(kind, FINER * sizes).model_dump(mode="json"), {"mechanics": {"friction": friction}})
     )
     truth = with_keys(truth, material={"stiffness_factor": {"gel": factor}})
-    folder = out / f"case{number:03d}"
+    folder = out / f"{kind}_{number:03d}_seed_{seed}_sizes_{sizes:g}"
     if not (folder / "concealed").is_dir():
         record(folder / "concealed", truth, kind, rng)
     clock = time.process_time()

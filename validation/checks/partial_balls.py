@@ -66,7 +66,7 @@ def mean_of_moduli():
 def _by_means(mesh, sensor, mechanics):
     factor, effects = np.ones(len(mesh.elements)), mechanics.effects
     for ball in effects.geometry.inclusions:
-        factor *= 1 + (ball.factor - 1) * fields._ball_share(mesh, ball)
+        factor *= 1 + (ball.factor - 1) * fields._share_within(mesh, np.array(ball.centre_mm), ball.radius_mm)
     return (factor, factor) if effects.geometry.inclusions else (None, None)
 
 

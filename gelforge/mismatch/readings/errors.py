@@ -246,7 +246,7 @@ def depth_scatter(zero: DepthZero, stated_mm: float | None = None) -> tuple[floa
     nan: missing.
 
     The one that the session does not find its zero by is 0 where nothing is said of either; where the contact point is
-    stated and the indentations are not, repeats may show these. instead_mm stands in place of what is stated of `zero.by`.
+    stated and the indentations are not, repeats may show these. stated_mm stands in place of what is stated of `zero.by`.
     """
     press, session = zero.press_scatter_mm, zero.session_scatter_mm
     if zero.by == "session":
