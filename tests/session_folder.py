@@ -10,7 +10,7 @@ OFFSET = (0.5, -0.25, 1.0)  # what the untared force sensor shows at zero
 
 
 def press_lines(name, order, x, y, depth, images):
-    """Return the lines of one press: two zero readings, arrival, two images, one reading on the way up."""
+    """Return the lines of one press: two zero readings, arrival, two images, one reading in unloading."""
     ox, oy, oz = OFFSET
     start = 10 * order
     image = (lambda i: f"{name}_{i}.png") if images else (lambda i: "")

@@ -124,7 +124,7 @@ def test_pipes_and_huge_values_are_not_waited_for(tmp_path):
         with pytest.raises(TableError, match="a pipe or a device|a folder|no such file"):
             read_csv(path, numbers=["a"])
 
-    # A huge value is told in short
+    # A huge value is reported in short
     assert "has at most" not in refused(tmp_path, lambda text: text + "\nnotes: [" + "x, " * 5000 + "x]\n")
     with pytest.raises(ConfigError, match="characters, at most"):
         session_file(tmp_path, "# " + "x" * 3_000_000)

@@ -160,10 +160,10 @@ def judged_from(truth: dict, verdict: dict | None, readings: pd.DataFrame | None
     gain, ratio, left = (
         held_out_gain(truth, readings) if truth["effects"] and readings is not None else 3 * (np.nan,)
     )
-    told = _values(truth, verdict)
-    covered = tuple(low <= value <= high for value, _, (low, high) in told)
+    reported = _values(truth, verdict)
+    covered = tuple(low <= value <= high for value, _, (low, high) in reported)
     short = tuple(
-        np.sign(x) * (x - said) * WIDTH_90 / max(high - low, 1e-12) for x, said, (low, high) in told
+        np.sign(x) * (x - said) * WIDTH_90 / max(high - low, 1e-12) for x, said, (low, high) in reported
     )
     return Judged(
         truth["content"], truth["snr"], true, state_of(verdict), answer_of(verdict), covered, gain, ratio, left,
@@ -218,7 +218,7 @@ def session_names(truth: dict) -> list[str]:
 
 
 def _values(truth: dict, verdict: dict) -> list[tuple[float, float, tuple[float, float]]]:
-    """Return true values, told ones and their 90 % intervals, of effects that are the first of a claimed group."""
+    """Return true values, reported ones and their 90 % intervals, of effects that are the first of a claimed group."""
     if state_of(verdict) not in NAMES:
         return []
     first = {g["members"][0] for g in verdict["answer"]}

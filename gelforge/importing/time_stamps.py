@@ -19,7 +19,7 @@ UNEVEN_S = 0.25
 # significant digits: what programs write unasked (%g), to tens of seconds of an epoch
 FEW_DIGITS = range(6, 10)
 # At most, of a clock that was set; more are jitter, or rows in no order. Clocks that are set once are named, jitter is
-# told apart (tests/importing/test_logs_of_programs.py).
+# distinguished (tests/importing/test_logs_of_programs.py).
 STEPS_BACK = 3
 # Between rows: less is jitter. A clock that is set back by 0.4 s is none (tests/importing/test_logs_of_programs.py).
 LEAST_STEP_PERIODS = 3.0

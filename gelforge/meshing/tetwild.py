@@ -63,9 +63,8 @@ def tetrahedralize(
     return _meshed(job.getvalue())
 
 
-@functools.lru_cache(
-    maxsize=16
-)  # a verdict solves its sites again and again, with other parameters on the same mesh
+# a verdict solves its sites again and again, with other parameters on the same mesh
+@functools.lru_cache(maxsize=16)
 def _meshed(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Return the read-only nodes and tetrahedra that a process of its own makes of a job's file."""
     with tempfile.TemporaryDirectory(prefix="gelforge-mesh-") as folder:

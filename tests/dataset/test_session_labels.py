@@ -99,7 +99,7 @@ def test_a_session_changes_what_the_study_feels_and_keeps_its_time_stamps(tmp_pa
     assert stated(plain, sensor_age_days=AGE, temperature_C=30.0) is plain
 
     # Time stamps are kept where materials relax. Rows of a press: load at 2 s, dwell at 3 and 4 s at 0.5 mm; the
-    # way down at 0.5 mm/s is before the first of them
+    # loading at 0.5 mm/s is before the first of them
     branch = {"relative_moduli": [0.5], "times_s": [1.0]}
     timing = {"speed_mm_per_s": 0.5, "step_mm": 0.25}
     history = {"mullins": {"gel": SOFT}, "viscoelastic": {"gel": branch}, "timing": timing}

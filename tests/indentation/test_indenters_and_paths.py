@@ -174,8 +174,8 @@ def test_an_elastic_gel_dwells_without_change_and_slips_back_on_release():
         # The second state starts from the first, already within the stopping rule of 1e-6 of the force.
         assert_allclose(a[name][1], a[name][0], atol=2e-6 * np.abs(a[name][0]).max())
 
-    # Unloading slips back and lets nodes go. On the way up the contact shrinks and friction turns round: another
-    # state than on the way down, less force
+    # Unloading slips back and lets nodes go. In unloading the contact shrinks and friction turns round: another
+    # state than on loading, less force
     path = press_path("press", *CENTRE, [0.2, 0.4, 0.6], None, unload=True)
     a = sound(simulated(path, friction=0.05))
     down, up = a["total_force_N"][1, 2], a["total_force_N"][3, 2]

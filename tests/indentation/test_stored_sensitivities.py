@@ -136,7 +136,7 @@ def test_adhesion_and_a_base_that_yields_have_derivatives_of_their_own():
     held = sensitivities(study, specimens.STUDY_LAWS, PLANNED, ["gel_stiffness"])["gel_stiffness"].total
     assert_allclose(found["gel_stiffness"].total, held, atol=0.1 * np.abs(held).max())
 
-    # Adhesion does nothing on the way down. Its cohesion begins where a node has touched: derivatives of a press
+    # Adhesion does nothing on loading. Its cohesion begins where a node has touched: derivatives of a press
     # without unloading are nothing
     found = sensitivities(study, specimens.STUDY_LAWS, PLANNED, ["adhesion"])["adhesion"]
     amount = CATALOGUE["adhesion"].width

@@ -91,7 +91,7 @@ def test_parts_that_touch_are_told_apart_and_a_site_without_one_has_failed():
     assert stem.converged
     assert np.array_equal(stem.arrays["total_force_N"], cell.arrays["total_force_N"])
 
-    # Parts are told apart where the set is turned
+    # Parts are distinguished where the set is turned
     turned = balls(0.3) | {"orientation_deg": [0.0, 0.0, 90.0]}
     assert list(label(study(turned)).attributes["touched_parts"]) == [True, True]
     tilted = balls(0.0) | {"orientation_deg": [0.0, 15.0, 0.0]}  # lowers one ball by 1.3 mm

@@ -99,7 +99,7 @@ def test_errors_of_the_total_force_stand_next_to_baselines(evaluated):
         assert table.loc["RMSET_FEM", name] == pytest.approx(np.sqrt(np.mean(np.square(fem))), rel=1e-9)
         assert table.loc["RMSET_FT", name] == pytest.approx(np.sqrt(np.mean(np.square(ft))), rel=1e-9)
 
-    # Baselines stand beside the network
+    # Baselines stand next to the network
     predictions = Predictions(evaluated[1])
     table = baselines_table(predictions).set_index("predictor")
     mean = np.broadcast_to(predictions.training_mean, true.shape)

@@ -236,7 +236,7 @@ def test_a_client_that_sends_too_much_is_let_go_and_a_port_in_use_told():
             received(client)
         assert found.value.rcvd.code == 1009
 
-    # A port in use is told
+    # A port in use is reported
     with LiveRun() as run, pytest.raises(LiveError, match="in use; give another --port"):
         with Server("127.0.0.1", run.server.port, {}):
             pass
@@ -244,7 +244,7 @@ def test_a_client_that_sends_too_much_is_let_go_and_a_port_in_use_told():
 
 # ------------------------------------------------------------------------------------------------- runs
 def test_frames_of_another_size_are_told_in_finite_numbers():
-    # Frames of another size are told and the stream goes on
+    # Frames of another size are reported and the stream goes on
     with LiveRun() as run, connect(run.url) as client:
         until(lambda: run.server.clients == 1)
         run.source.hand(pattern(0, (100, 100)))

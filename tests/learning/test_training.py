@@ -389,7 +389,7 @@ def test_muon_moves_by_the_step_size_and_relative_errors_count_light_contacts():
         unit = MUON_RATE * rate(learning, 0) * 0.2 * max(kernel.flatten(1).shape) ** 0.5
         assert 0.5 < float(moved.min() / unit) and float(moved.max() / unit) < 1.4
 
-    # Relative errors count light contacts beside deep ones. Errors of a tenth of the force count alike above LIGHT;
+    # Relative errors count light contacts next to deep ones. Errors of a tenth of the force count alike above LIGHT;
     # without it they go with the square of the force
     deep = torch.tensor([[10.0, -10.0]])
     light = deep / 5

@@ -130,7 +130,7 @@ def test_relaxations_need_their_ramp_and_take_the_law_that_fits():
     with pytest.raises(ValueError, match="8 at least are needed for a relaxation spectrum"):
         fit_relaxation(np.arange(1.0, 6), np.ones(5))
 
-    # A power law is told from a prony series and noise needs no more terms
+    # A power law is distinguished from a prony series and noise needs no more terms
     t = np.geomspace(0.1, 1000, 600)
     rng = np.random.default_rng(6)
     power = fit_relaxation(t, 0.1 * t**-0.05 * (1 + rng.normal(0, 0.005, 600)))

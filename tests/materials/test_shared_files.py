@@ -367,7 +367,7 @@ def test_adhesion_and_a_board_that_gives_way_limit_what_is_known():
     cell = adhesion(afm["cell_relaxation_01"].in_segment("1"), afm["cell_relaxation_01"].in_segment("3"))
     assert not cell.detached and "cannot be judged" in cell.sentence
 
-    # The board gives way so much that the sample cannot be told
+    # The board gives way so much that the sample cannot be distinguished
     asmi = {test.material: test for test in all_in("asmi_indentation")}
     soft = fit_modulus(asmi["PDMS"])
     assert soft.contact_mm == pytest.approx(2.6, abs=0.1)  # the force leaves its noise at z = -2.6

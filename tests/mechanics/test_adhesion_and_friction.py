@@ -53,7 +53,7 @@ def test_cohesion_draws_punch_and_ball_and_holds_on_the_way_up():
     (state,) = heights(press, 1e-4)
     assert state.force[2] == pytest.approx(2 * np.pi * 5.0 * WORK, rel=0.03)  # 6 elements across the range
 
-    # Pull off is seen on the way up only
+    # Pull off is seen in unloading only
     plain, sticky = cycle(0.0), cycle(5e-4)
     assert_allclose(sticky[:2], plain[:2], rtol=2e-2)  # the way down; the rim holds what has touched
     assert (plain <= 1e-9).all()

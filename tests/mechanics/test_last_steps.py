@@ -37,7 +37,7 @@ def test_a_flat_punch_touches_one_layer_beyond_rounding_and_leaves_it():
     assert deepest.force[2] < pressed.force[2] < 0
     assert np.abs(gone.force).max() < press.contact.least_force
 
-    # One layer has no wall around lower layers. A wall of no elements has no stretches to be told: every region of
+    # One layer has no wall around lower layers. A wall of no elements has no stretches to be reported: every region of
     # a mesh has elements
     mesh = layered_block(BLOCK, 6.0, 6.0, Sizes(near=1.0, far=2.0))
     assert mesh.regions == ("gel",)

@@ -64,7 +64,7 @@ def test_edges_are_curved_and_as_long_as_asked_under_the_contact(meshed):
 
 
 def test_walls_near_the_contact_are_finer_and_crossing_surfaces_refused():
-    # A wall beside the contact has more elements and one that is far as many
+    # A wall next to the contact has more elements and one that is far as many
     solids = block_solids(Block(24.0, 8.0, (("gel", 2.5), ("skin", 1.0)), wall=1.5))
 
     def in_walls(parts):

@@ -1,4 +1,4 @@
-"""What counts as a mismatch, and as a gain of what was set aside: bounds that chance keeps to. ARTIFICIAL readings."""
+"""What counts as a mismatch, and as a gain of what was held out: bounds that chance keeps to. ARTIFICIAL readings."""
 
 from dataclasses import replace
 

@@ -135,7 +135,7 @@ def unsaid(found, press, session):
 
 
 def test_repeats_show_the_stage_beside_a_stated_contact_point_and_noise_is_stated_by_axis():
-    # Repeats show the stage beside a stated contact point. 400 presses of 4 places know the scatter to 4 %; that of
+    # Repeats show the stage next to a stated contact point. 400 presses of 4 places know the scatter to 4 %; that of
     # the session is not in it
     off = np.random.default_rng(8).normal(0, 0.02, 400) + 0.05
     found = pressed("press", off, (0.5, 0.6, 0.7, 0.8), 0.002, sites=4)
@@ -143,7 +143,7 @@ def test_repeats_show_the_stage_beside_a_stated_contact_point_and_noise_is_state
     assert found.press_depth_mm == pytest.approx(np.full(1600, 0.02), rel=0.15)
     assert (found.session_depth_mm == 0.05).all() and not found.cannot_know
 
-    # A stage that nothing tells of is told
+    # A stage that nothing tells of is reported
     found = with_contact_point(unsaid(pressed("press", [0.0, 0.01]), np.nan, 0.05))
     assert not found.press_depth_mm.any() and (found.session_depth_mm == 0.05).all()
     assert len(found.cannot_know) == 1 and "depth_zero.press_scatter_mm" in found.cannot_know[0]

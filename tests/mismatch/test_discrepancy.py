@@ -64,7 +64,7 @@ def test_a_smooth_change_is_learnt_noise_is_not_and_its_size_is_averaged_over(ba
 
 
 def test_effects_next_to_a_sure_cause_have_the_values_that_they_have_with_it():
-    """Values and map are learnt together: what is told, and patched, adds up to the figure after."""
+    """Values and map are learnt together: what is reported, and patched, adds up to the figure after."""
     problem, found, _ = identified()
     answer, flat = found.answer, problem.observations.flat
     left = flat(problem.observations.force - answer.after)

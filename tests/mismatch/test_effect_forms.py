@@ -170,7 +170,7 @@ def test_a_yielding_frame_is_in_proportion_to_force_and_a_clock_reads_by_its_sig
     found = change("frame_compliance", [0.1], context=alone)
     assert_allclose(found, 0.1 * alone.force[:, 2:] * alone.slope(), atol=1e-14)
 
-    # A clock reads the force of before or after by its sign. At the end of the way down an early clock reads the
+    # A clock reads the force of before or after by its sign. At the end of loading an early clock reads the
     # wait: nothing changes there
     context = one_press(
         [1.0, 2.0, 5.0, 6.0, 7.0], [0.5, 1.2, 1.2, 0.6, 0.4], ["load", "load", "dwell", "unload", "unload"]
@@ -248,12 +248,12 @@ def test_hysteresis_and_play_open_when_the_force_turns_and_adhesion_on_the_way_u
     lag = down * half
     assert_allclose(found[:, 2], [-lag, -lag, -lag, back - lag, lag], atol=1e-14)
 
-    # Hysteresis is not offered without a way up
+    # Hysteresis is not offered without an unloading
     down = artificial.chosen(CONTEXT, (CONTEXT.observations.table["phase"] != "unload").to_numpy())
     assert CATALOGUE["force_hysteresis"].grid(CONTEXT) == [{"loop": "lens"}, {"loop": "play"}]
     assert CATALOGUE["force_hysteresis"].grid(down) == []
 
-    # Adhesion is seen on the way up only
+    # Adhesion is seen in unloading only
     up = (CONTEXT.observations.table["phase"] == "unload").to_numpy()
     expected = np.outer(up, [0, 0, 1.5e-4 * np.pi * artificial.RADIUS])
     assert_allclose(change("adhesion", [1e-4]), expected, atol=1e-14)

@@ -30,7 +30,7 @@ def test_the_page_has_a_row_for_every_effect_and_its_cells_tell_bars_once():
     split = replace(CATALOGUE["yaw"], signature="|F| grows")
     assert "| \\|F\\| grows |" in page({"yaw": split})
 
-    # Parameters that differ by name only are told once
+    # Parameters that differ by name only are reported once
     assert parameters(CATALOGUE["force_gain"].parameters) == "x, y, z [-] 0.05, -0.5 .. 0.5"
     pose = "shift_x, shift_y, shift_z [mm] 0.5, -5 .. 5; turn_x, turn_y, turn_z [deg] 1, -15 .. 15"
     assert parameters(CATALOGUE["camera_pose"].parameters) == pose

@@ -125,7 +125,7 @@ def test_groups_stand_as_they_are_sure_and_amounts_are_those_beside_the_others()
         [rest, group.members[0]],
     )
 
-    # Amounts in place of an effect are those beside the others. Of two effects that act together, what may stand in
+    # Values in place of an effect are those next to the others. Of two effects that act together, what may stand in
     # place of one is as large as it is next to the other
     base, rng = artificial.context(9, per_side=3), np.random.default_rng(10)
     tilt = CATALOGUE["tilt"].to_forces(base, {}, base.force, np.array([2.5, 0.0]))
@@ -155,7 +155,7 @@ def test_every_effect_has_a_clause_and_what_could_not_be_tried_is_told_once():
     place = {"x_mm": 7.0, "y_mm": 12.5, "z_mm": -3.0, "radius_mm": 1.2}
     assert CATALOGUE["void"].in_words(place, [1.0]) == "there is a void in the gel near (7, 12.5) mm"
 
-    # What could not be tried is told once and not of what was tried elsewhere
+    # What could not be tried is reported once and not of what was tried elsewhere
     reasons = {
         "void@3": "it folds",
         "void": "it folds",

@@ -1,4 +1,4 @@
-"""What is set aside, and what is said of it: against dense conditional densities, and with nothing to find."""
+"""What is held out, and what is said of it: against dense conditional densities, and with nothing to find."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def world():
 
 
 def test_readings_are_set_aside_in_turns_and_scored_as_dense_matrices_do(world):
-    # A quarter of sites and depths is set aside in turns
+    # A quarter of sites and depths is held out in turns
     labels, _, _ = world
     blocks = split(labels, seed=3)
     assert labels["site"][blocks.held["positions"]].nunique() == 2  # of 9
@@ -71,7 +71,7 @@ def test_readings_are_set_aside_in_turns_and_scored_as_dense_matrices_do(world):
 
 
 def test_of_one_or_two_sites_the_deepest_readings_are_set_aside_and_a_choice_has_its_cost():
-    # Of one or two sites the deepest readings are set aside
+    # Of one or two sites the deepest readings are held out
     labels = readings(grid(2)[:2]).observations.labels()
     deepest, first, second = (split(labels, 0, turn) for turn in range(3))
     assert not deepest.held["positions"].any() and deepest.held["deepest"].any()
@@ -156,7 +156,7 @@ def test_what_is_there_is_predicted_by_presses_that_are_fitted_and_training_is_n
         clear += shown(*found)
     assert clear >= 8
 
-    # Presses set aside are not fitted and training is needed. A depth error of one held-out indentation costs it
+    # Presses held out are not fitted and training is needed. A depth error of one held-out indentation costs it
     # alone what its variance allows, whatever the training says
     labels, covariance, _ = world
     blocks = split(labels, seed=3)

@@ -57,7 +57,7 @@ def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, theta, hy
 
 
 @pytest.mark.parametrize(
-    ("effect", "theta", "hyperparameters", "told"),
+    ("effect", "theta", "hyperparameters", "message"),
     [
         ("force_frame", {"on": 1}, {}, r"must be \['axes'\]; those tried are axes: turned by 180 deg, "),
         ("force_unit", {"on": 1}, {}, r"must be \['unit'\]; those tried are unit: .*kgf"),
@@ -73,6 +73,6 @@ def test_a_known_force_sensor_reads_changes_as_it_reads_forces(effect, theta, hy
         ("force_grain", {"z": 0.1}, {}, "no effect 'force_grain'"),
     ],
 )
-def test_what_is_known_without_saying_which_is_refused(effect, theta, hyperparameters, told):
-    with pytest.raises(ConfigError, match=told):
+def test_what_is_known_without_saying_which_is_refused(effect, theta, hyperparameters, message):
+    with pytest.raises(ConfigError, match=message):
         based_on(effect, theta, hyperparameters)

@@ -39,7 +39,7 @@ def test_dead_weights_tell_a_gain_and_the_spread_of_a_cut_range_is_read_from_the
     assert blind.expected_log_odds == pytest.approx(0.0, abs=1e-9) and not blind.decides
 
     # The spread of what is cut at its range is read from the other side. Of 90 % intervals: 1.645 standard
-    # deviations to a side; cut on both, or told beyond its range, it is the prior's
+    # deviations to a side; cut on both, or stated beyond its range, it is the prior's
 
     def spread(value, low, high):
         void = effect("void", value)

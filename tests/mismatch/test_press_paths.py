@@ -124,7 +124,7 @@ def test_what_has_a_place_is_solved_only_where_it_is_felt():
     )  # each press finds what those before it have left, wherever they were
 
 
-# ---------------------------------------------------------------------------------------- what is set aside was pressed
+# ---------------------------------------------------------------------------------------- what is held out was pressed
 @pytest.mark.parametrize(
     ("name", "hyperparameters", "theta"),
     [
@@ -135,7 +135,7 @@ def test_what_has_a_place_is_solved_only_where_it_is_felt():
     ],
 )
 def test_presses_are_followed_as_a_whole_whatever_was_chosen_of_them(name, hyperparameters, theta, kept):
-    """Without its deepest readings a way up comes from the same peak, and a reading has the same way before it."""
+    """Without its deepest readings an unloading comes from the same peak, and a reading has the same way before it."""
     solver, found = Solver(specimens.study(), specimens.STUDY_LAWS, {}, kept), observations()
     table = found.table.assign(x_mm=8.0, y_mm=8.0)
     found = replace(found, table=table, sites=np.array([[8.0, 8.0], [5.0, 8.0]]))

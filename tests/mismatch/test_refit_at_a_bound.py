@@ -29,7 +29,7 @@ def test_the_evidence_of_one_sign_is_exact(value):
 
 
 def test_what_a_bound_holds_back_is_reached_within_the_physical_range():
-    # What a bound holds back leaves the others where they fit best beside it. A compliance that the readings ask
+    # What a bound holds back leaves the others where they fit best next to it. A compliance that the readings ask
     # for below zero is held at none; the slope of the rest is none there
     base = artificial.context(51, per_side=3)
     both = CATALOGUE["frame_compliance"].to_forces(base, {}, base.force, [-0.1])

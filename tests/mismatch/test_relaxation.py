@@ -24,7 +24,7 @@ def test_holds_ramps_and_stress_relax_as_closed_forms_and_integrators_do():
     # the splitting's error of a steady state: (its step of strain)^2 / 12 at most
     np.testing.assert_allclose(found, expected, atol=LONGEST_STEP**2)
 
-    # Beside an integrator from outside
+    # Next to an integrator from outside
     t = np.linspace(0, 10, 200)
     strain = np.interp(t, [0, 2, 6, 8, 10], [0, 0.4, 0.4, 0.1, 0.25])
     found = flow(t, strain, 0.0, np.full(3, 0.1), RATES)

@@ -178,7 +178,7 @@ def test_bumps_steps_and_patterns_are_placed_and_named_once(recording):
 
 
 def test_several_sessions_are_told_apart_and_of_one_site_nothing_is_said():
-    # Several sessions are told apart
+    # Several sessions are distinguished
     context = readings(grid(3), sessions=2)
     labels, base = context.observations.labels(), flat_base(context)
     covariance = covariance_of(context)

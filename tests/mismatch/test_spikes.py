@@ -1,4 +1,4 @@
-"""Single readings far off all others: found whatever is hidden, told, and never taken from what an effect does."""
+"""Single readings far off all others: found whatever is hidden, reported, and never taken from what an effect does."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def test_how_far_is_what_others_say_and_a_struck_reading_is_found_beside_an_effe
     expected = (r[entry] - weights @ r[others]) / np.sqrt(C[entry, entry] - weights @ C[others, entry])
     assert away == pytest.approx(expected, rel=1e-3)  # C is an inverse of an inverse
 
-    # A struck reading is found beside a strong effect
+    # A struck reading is found next to a strong effect
     assert np.argwhere(~calmed(struck(15.0, [(200, 2)], context=strong("gel_stiffness"))).read).tolist() == [
         [200, 2]
     ]

@@ -178,14 +178,14 @@ def observed(folder):
 
 
 def test_a_dead_axis_a_far_reading_and_missing_repeats_are_told(session, tmp_path):
-    # A dead axis is left out and told
+    # A dead axis is left out and reported
     dead = tmp_path / "dead"
     dead.mkdir()
     found = observed(changed(session, dead, lambda t: t.assign(fx_N=0.0)))
     assert not found.read[:, 0].any() and found.read[:, 1:].all()
     assert any("Fx never changes" in said for said in found.cannot_know)
 
-    # Missing repeats and unloading are told
+    # Missing repeats and unloading are reported
     missing = tmp_path / "missing"
     missing.mkdir()
     said = observed(session).cannot_know
@@ -211,7 +211,7 @@ def test_a_dead_axis_a_far_reading_and_missing_repeats_are_told(session, tmp_pat
 
 
 def test_the_stage_s_moves_and_its_raster_order_are_told(tmp_path, session):
-    # Raster order is told
+    # Raster order is reported
     folder = record(tmp_path / "raster", small(), specimens.STUDY_LAWS, sites=sorted(SITES), order=range(18))
     assert any("raster order" in said for said in observed(folder).cannot_know)
 

@@ -1,4 +1,4 @@
-"""Readings of presses that the base cannot follow are left out and told; the others are judged as if alone."""
+"""Readings of presses that the base cannot follow are left out and reported; the others are judged as if alone."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ DEEP = 2.3  # mm: next to the wall a ball of 5 mm finds no equilibrium there, in
 
 
 def pressed(*presses):
-    """Return readings of presses (site, depths on the way down, depths on the way up)."""
+    """Return readings of presses (site, depths on loading, depths in unloading)."""
     sites, rows = [], []
     for number, (site, down, up) in enumerate(presses):
         if site not in sites:
@@ -41,7 +41,7 @@ def solver(tmp_path_factory):
 
 
 def test_a_press_too_deep_keeps_the_way_down_and_a_place_needs_readings(solver):
-    # Of a press that went too deep the way down to there is kept
+    # Of a press that went too deep loading to there is kept
     found = pressed((MIDDLE, [1.0, 2.0], [0.5]), (EDGE, [0.5, 1.0, 2.0], [0.5]), (EDGE, [0.5], [0.2]))
     image = (14.9, 8.0)  # what stands for both edges
     kept = without(solver, found, [Unsolved(*image, "its mesh", "it folds", beyond_mm=1.2)])
@@ -54,7 +54,7 @@ def test_a_press_too_deep_keeps_the_way_down_and_a_place_needs_readings(solver):
     (told,) = kept.cannot_know
     assert "3 of 12 readings are not judged" in told and "beyond 1.2 mm on its mesh: it folds" in told
 
-    # Where only a way up is not solved the way down stays
+    # Where only an unloading is not solved loading stays
     found = pressed((EDGE, [1.0, 2.0], [0.5]), (EDGE, [1.0], [0.5]))
     kept = without(solver, found, [Unsolved(14.9, 8.0, "its mesh", "it snaps", unloading_from_mm=2.0)])
     assert list(kept.table["phase"]) == ["load", "load", "dwell", "load", "dwell", "unload"]
@@ -88,7 +88,7 @@ def test_readings_beyond_the_base_are_left_out_and_too_few_make_no_base(solver):
         base_where_solved(solver, found, [])
 
     # Of a gel that softens no press may be missing. Its own symmetry is none, as presses come in an order; what
-    # stopped is told all the same, and nothing goes on
+    # stopped is reported all the same, and nothing goes on
     softening = {"mullins": {"gel": {"amount": 0.2, "m_kPa": 1.0}}}
     study = with_keys(solver.study, history=softening)
     found = pressed((EDGE, [0.5, DEEP], []), (MIDDLE, [0.5], []))

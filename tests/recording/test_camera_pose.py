@@ -53,7 +53,7 @@ def test_repeated_fits_scatter_as_told_and_a_misplaced_press_is_left_out():
         pose = fit_pose(unposed(), NAMES, PLACES, seen, Z)
         found.append([*pose.camera.position_mm, pose.camera.rotation_deg[2]])
         told.append(pose.sd)
-    # 60 repeats know a spread to 9 %, each told one has 6 degrees of freedom
+    # 60 repeats know a spread to 9 %, each reported one has 6 degrees of freedom
     assert_allclose(np.std(found, axis=0), np.sqrt(np.mean(np.square(told), axis=0)), rtol=0.25)
 
     # A press that is not where it should be is left out

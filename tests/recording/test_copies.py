@@ -57,7 +57,7 @@ def test_sessions_of_one_program_are_no_copies_but_equal_force_logs_are(tmp_path
     edit(forces, lambda table: table.assign(fz_N=table["fz_N"] + 0.001))
     check(one, forces)
 
-    # Forces beside the table are compared
+    # Forces next to the table are compared
     logged = tmp_path / "logged"
     one = write_session(logged / "one")
     edit(one, lambda table: table.drop(columns=["fx_N", "fy_N", "fz_N"]))

@@ -372,7 +372,7 @@ def test_words_for_values_p_and_hyperparameters():
     # Values stand on lines of their own and break before a bracket only
     assert unbroken("x +0.1 mm (-1 to 2); y 2") == "x\u00a0+0.1\u00a0mm (-1\u00a0to\u00a02)\ny\u00a02"
 
-    # Shapes are told with their units behind
+    # Shapes are reported with their units behind
     assert (
         hyperparameters_text({"x_mm": 9.0662, "y_mm": 13.0, "radius_mm": 1.8})
         == "x 9.07 mm, y 13 mm; radius 1.8 mm"

@@ -74,7 +74,7 @@ def test_what_is_not_known_or_of_no_use_is_not_said():
     said = network_words(baselines, by, reliability, errors[errors["error"] == "RMSES"], None)
     assert "training rows" not in said and "2 mm: 0.03 N" in said
 
-    # A poor network is not told that its sites are as good as others
+    # Of a poor network no report says that its sites are as good as others
     assert "help little" not in network_words(*tables(own=0.05), None)
 
 

@@ -88,7 +88,7 @@ def test_the_page_shows_materials_variants_failures_rows_and_time(page):
     )
     assert "leave the range in which a constitutive model was tested" in text and "share of volume" in text
 
-    # Variants stand beside the study
+    # Variants stand next to the study
     chapter = page[0].split('<section id="force-depth">')[1].split("</section>")[0]
     assert "Variant flange: with a flange." in chapter
     assert "variant flange Fz [N]" in chapter

@@ -47,7 +47,7 @@ def both(case, now, former):
 
 
 def test_both_judges_stand_side_by_side_with_strong_effects_first():
-    # Both judges stand beside each other
+    # Both judges stand next to each other
     cases = [both("c1", CLAIMED, HINT), both("c2", WRONG, CLAIMED)]
     table = strong_table(cases).set_index("one strong effect")
     assert table.loc[SURE, "today"].startswith("1/2") and table.loc[IN_ANSWER, "former judge"].startswith(

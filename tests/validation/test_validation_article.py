@@ -66,7 +66,7 @@ def test_readings_are_one_fz_a_depth_which_our_finite_cells_predict(paper):
     assert (seen.noise_N == 0.06).all() and seen.table["press"].nunique() == 16
     assert set(NO_TIMES) <= set(paper.verdicts["linear"].cannot_know)
 
-    # Our finite cells predict depths and a site that were set aside. Nothing is fitted: the error of 0.15 N falls
+    # Our finite cells predict depths and a site that were held out. Nothing is fitted: the error of 0.15 N falls
     # below the stated resolution, of each block by half at least
     fit = paper.verdicts["linear"].fit
     assert fit.before.rmse_N[2] == pytest.approx(0.1525, abs=5e-5) and fit.after.rmse_N[2] < 0.06

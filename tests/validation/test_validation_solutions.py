@@ -73,7 +73,7 @@ def test_solving_goes_on_where_it_was_left_and_tells_what_cannot_be_solved(tmp_p
     assert asked == [left_out] and len(said) == 1
     assert np.array_equal(solves.read_solutions(path)[left_out].force_N, done.result().force_N)
 
-    # A press that cannot be solved is told and not kept
+    # A press that cannot be solved is reported and not kept
     failed = Future()
     failed.set_exception(ValueError("no equilibrium at 1.85 mm"))
     path, asked, said = solved_again(tmp_path, monkeypatch, failed)

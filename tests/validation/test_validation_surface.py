@@ -26,7 +26,7 @@ def test_it_passes_through_what_was_solved_without_swings_or_jumps():
     x, y, depth = (a.ravel() for a in np.meshgrid(NODES, NODES, DEPTHS, indexing="ij"))
     assert_allclose(surface.at(x, y, depth), pull(x) * (1 + 0.01 * y**2) * (1 + depth), atol=1e-13)
 
-    # It does not swing beside a kink. A polynomial through all nodes falls below 0 and rises again there; between
+    # It does not swing next to a kink. A polynomial through all nodes falls below 0 and rises again there; between
     # nodes the pull only grows
     x = np.linspace(0.0, 6.8, 400)
     found = over(pull, np.ones_like, sign=-1).at(x, 0 * x, 0 * x)

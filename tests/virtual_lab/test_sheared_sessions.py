@@ -263,7 +263,7 @@ def test_a_path_that_turns_back_is_followed_in_order():
     ]
     rows = pd.DataFrame(read, columns=["phase", "x_mm", "depth_mm"]).assign(y_mm=10.0)
     assert list(steps_of_path(cell, rows)) == [-1, 0, 0, 1, -1, 2, 3, 4, -1]
-    # without the reading at the turning point the way back cannot be told from the way there
+    # without the reading at the turning point the way back cannot be distinguished from the way there
     assert list(steps_of_path(cell, rows.drop(index=5)))[-3:] == [1, 4, -1]
 
 

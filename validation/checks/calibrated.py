@@ -12,6 +12,7 @@ import argparse
 import time
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from gelforge.calibration.calibrate import calibrate_folder
@@ -37,7 +38,9 @@ def calibrated(recording: Path, factor: float, out: Path) -> dict[str, str]:
     return {
         "case": recording.name,
         "study over truth": f"{factor:g}",
-        "found over truth (90 % interval)": f"{modulus['value'] / true:.4f} ({low:.3f} to {high:.3f})",
+        "found over truth": f"{modulus['value'] / true:.4f}",
+        "90 % interval": f"{low:.3f} to {high:.3f}",
+        "holds": "yes" if low <= 1 <= high else "no",
         "solutions": str(content["solved"]),
         "converged": "yes" if content["converged"] else "no",
         "CPU s": f"{time.process_time() - clock:.0f}",
@@ -57,7 +60,11 @@ def main() -> None:
         calibrated(SETS / asked.set / "cases" / case, factor, asked.out / f"{case}_{factor:g}")
         for case, factor in zip(asked.cases, asked.factors, strict=True)
     ]
-    print(pd.DataFrame(rows).to_markdown(index=False, disable_numparse=True))
+    table = pd.DataFrame(rows)
+    print(table.to_markdown(index=False, disable_numparse=True))
+    off = table["found over truth"].astype(float) - 1
+    held = int((table["holds"] == "yes").sum())
+    print(f"\nOff by {np.sqrt((off**2).mean()):.1%} rms; {held} of {len(table)} intervals hold the truth.")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gelforge.materials.basis.common_form import LOAD_CASE_OF
+from gelforge.mechanics.laws.homogeneous import stress_points
+from gelforge.mechanics.laws.models.ogden import ogden_terms
+
 # Less does not distinguish a law from a straight line: the stress of a neo-Hookean strip (Treloar 1943) departs from one by
 # the strain itself, there 2 %.
 LEAST_STRAIN = 0.02
@@ -50,9 +54,5 @@ def neo_hookean_shape(test: str, stretch, stretch_2=None):
 
 def ogden_shape(test: str, stretch, exponent: float):
     """Return the nominal stress [MPa] of an Ogden solid of one term and initial shear modulus 1 MPa; at 2 neo-Hookean."""
-    lam = np.asarray(stretch, dtype=float)
-    if test == "simple_shear":
-        lam = lam / 2 + np.sqrt(1 + lam**2 / 4)
-        return 2 / exponent * (lam**exponent - lam**-exponent) / (lam + 1 / lam)
-    other = {"uniaxial": 0.5, "compression": 0.5, "pure_shear": 1, "equibiaxial": 2}[test]
-    return 2 / exponent * (lam ** (exponent - 1) - lam ** (-other * exponent - 1))
+    points = stress_points(LOAD_CASE_OF[test], stretch)
+    return 2 * ogden_terms(points, np.array([exponent]))[0][:, 0]

@@ -24,7 +24,7 @@ STRAIN_AT_START = 0.005
 # The stress extrapolates to zero this far from rest: a toe of 0.03 is reported, a clean curve has nothing to report
 # (tests/materials/test_mapping.py).
 TOE_STRAIN = 0.005
-# Of strain above the first row: by what lies there preloads of gels with exponents of 1.3 to 3 are mended within 1 %
+# Of strain above the first row: by what lies there preloads of gels with exponents of 1.3 to 3 are corrected within 1 %
 # (tests/materials/test_curve_defects.py).
 TOE_WINDOW = 0.25
 # Exponent of an Ogden solid of one term: 1.3 of the first term of rubber (Ogden 1972), 2 of a neo-Hookean solid, 3 of a gel

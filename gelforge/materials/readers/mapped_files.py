@@ -228,9 +228,8 @@ def _table(path: Path, entry: TestMapping, columns: Sequence[Column], form: CsvF
     table = read_csv(path, numbers=numbers, texts=list(dict.fromkeys(texts)), form=form)
     if entry.split is None:
         return table
-    return table.sort_values(
-        entry.split, kind="stable", key=lambda column: pd.factorize(column)[0]
-    )  # as first seen
+    # in the order in which they first stand in the file
+    return table.sort_values(entry.split, kind="stable", key=lambda column: pd.factorize(column)[0])
 
 
 def _from_name(path: Path, entry: TestMapping) -> dict[str, str]:

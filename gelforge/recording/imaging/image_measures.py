@@ -30,7 +30,7 @@ APART_PX, APART_SHARE, LEAST_CORRELATION = 3.0, 0.25, 0.5  # share: of the flow'
 # images fall below it, honest ones do not (tests/recording/test_image_plausibility.py).
 CONTRAST_KEPT = 0.5
 # Side of the square in which images are correlated. About two of the 8 px patches of the search; right and wrong flow
-# are told apart (tests/recording/test_flow_lost.py).
+# are distinguished (tests/recording/test_flow_lost.py).
 WINDOW_PX = 17
 
 
