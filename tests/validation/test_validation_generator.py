@@ -172,6 +172,7 @@ def test_tilt_leads_deeper_and_a_spring_takes_its_force_times_its_compliance(lib
     assert_allclose(xy[on, 0], rows["x_mm"].to_numpy()[on], atol=1e-9)
 
     # A series spring takes its force times its compliance
+    world = World(library)
     kinds.KINDS["series spring"].put(world, 1.0, {"sign": 1.0})
     xy, depth = world.reached(rows, np.zeros(len(rows)))
     on = held(rows)
