@@ -1,13 +1,13 @@
 """Bars of totals next to stiff skins and walls: six sensors, 20 places, several meshes, against half the default sizes.
 
-usage: python benchmarks/stiff_layers.py [--solve | --fit] [--sensors NAME ...]
+usage: python benchmarks/stiff_layers.py [--solve | --fit | --nominal] [--sensors NAME ...]
 
 The shares of stiff layers and walls in gelforge/indentation/solving/error_bars.py follow the largest likelihood on the
 places of CALIBRATION. The others judge them. Depths are four, evenly. The reference has the steps of the default mesh.
 Solutions are kept in results/stiff_layers and are read again: remove them after a change of the solver.
 --solve: solve what is missing, print no table. --fit: print by power and decay the shares of largest likelihood there, and
-the log likelihood of all errors there and at the other places. A place takes two CPU minutes on one thread, most of it for
-the reference.
+the log likelihood of all errors there and at the other places. --nominal: the bars of a verdict's nominal
+forces in place of those of labels. A place takes two CPU minutes on one thread, most of it for the reference.
 
 Printed per sensor and mesh: root mean squares of error and bar [% of Fz], largest error over its bar, and how many 95 %
 intervals hold; sideways the same, next to walls alone.
@@ -16,6 +16,7 @@ intervals hold; sideways the same, next to walls alone.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from itertools import chain, product
 from pathlib import Path
 
@@ -35,6 +36,7 @@ from gelforge.indentation.solving.error_bars import SHARE_BENDING, Companion, er
 from gelforge.indentation.solving.resolution import DECAY, Resolution, resolution_of
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_of
+from gelforge.mismatch.fem.solver import base_bars
 from gelforge.progress import Progress, show
 
 KEPT = Path("results/stiff_layers")
@@ -190,9 +192,21 @@ def likeliest(power: float, decay: float) -> dict[str, str]:
     }
 
 
-def row(name: str, mesh: str, places: list[tuple[float, float]]) -> dict[str, str]:
+def nominal_shares(name: str, x: float, y: float, mesh: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return errors and a verdict's bars (D, 3) of totals over Fz of the reference."""
+    found, true = solved(name, x, y, mesh), solved(name, x, y, None)["total"]
+    size = np.abs(true[:, 2:])
+    return (found["total"] - true) / size, base_bars(found["total"], found["coarse_total"]) / size
+
+
+def row(
+    name: str,
+    mesh: str,
+    places: list[tuple[float, float]],
+    bars: Callable[[str, float, float, str], tuple[np.ndarray, np.ndarray]],
+) -> dict[str, str]:
     """Return a row of the table."""
-    pairs = [shares(name, x, y, mesh) for x, y in places]
+    pairs = [bars(name, x, y, mesh) for x, y in places]
     error, bar = (np.concatenate(values) for values in zip(*pairs))
     kind = "calibration" if set(places) <= CALIBRATION.get(name, set()) else "judged"
     cells = {"sensor": name, "mesh": mesh, "places": f"{len(places)}, {kind}"}
@@ -214,6 +228,9 @@ def main() -> None:
     parser.add_argument("--sensors", nargs="+", choices=SENSORS, default=list(SENSORS), metavar="NAME")
     parser.add_argument("--solve", action="store_true", help="solve what is missing, print no table")
     parser.add_argument("--fit", action="store_true", help="print the shares of largest likelihood")
+    parser.add_argument(
+        "--nominal", action="store_true", help="print a verdict's bars in place of the labels'"
+    )
     options = parser.parse_args()
     work = [(name, x, y) for name in options.sensors for x, y in SENSORS[name][2]]
     show()
@@ -234,7 +251,8 @@ def main() -> None:
     for name in options.sensors:
         found = CALIBRATION.get(name, set())
         groups = [p for p in SENSORS[name][2] if p in found], [p for p in SENSORS[name][2] if p not in found]
-        rows += [row(name, mesh, places) for places in groups if places for mesh in meshes(name)]
+        bars = nominal_shares if options.nominal else shares
+        rows += [row(name, mesh, places, bars) for places in groups if places for mesh in meshes(name)]
     print(pd.DataFrame(rows).to_markdown(index=False, disable_numparse=True))
 
 

@@ -159,11 +159,8 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
         a = np.concatenate(fit.theta)
         sd = np.sqrt(np.diag(fit.covariance))
         step = a - linear.at
-        small = np.abs(step) <= ENOUGH * sd
-        # where a surface begins to slip, sensitivities of either side point to the other one
-        between = refused is not None and bool(np.all(small | (step * refused < 0)))
-        converged = between or bool(np.all(small))
-        if between:
+        converged = has_converged(step, sd, refused)
+        if converged and refused is not None:  # the estimate is the best that was solved
             a = linear.at
         if across and (converged or solved == MOST):
             break
@@ -179,6 +176,36 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
     a_trained = np.concatenate(linear.fitted(~held_out).theta) if held_out.any() else a
     test = global_test(linear.left(a), linear.problem.covariance, linear.columns)
     return Fit(free, a, fit.covariance, start, linear, solved, converged, block, held_out, a_trained, test.p)
+
+
+def has_converged(step: np.ndarray, sd: np.ndarray, refused: np.ndarray | None) -> bool:
+    """Return whether a fit ends: its step (q,) is small, or goes back where it is not.
+
+    Where a surface begins to slip, the sensitivities of either side point to the other one. Then no step is small, and the
+    estimate lies between two that fit no better.
+
+    Parameters
+    ----------
+    step : numpy.ndarray
+        (q,) of the coordinates, from the estimate.
+    sd : numpy.ndarray
+        (q,), their posterior standard deviations.
+    refused : numpy.ndarray or None
+        (q,), the step before, if it fitted no better and was not taken.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> has_converged(np.array([0.3, 0.01]), np.ones(2), np.array([-0.4, 0.02]))
+    True
+    """
+    small = np.abs(step) <= ENOUGH * sd
+    back = np.zeros(len(step), bool) if refused is None else step * refused < 0
+    return bool(np.all(small | back))
 
 
 def _across(

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from recorded import SITES, record
 
 from gelforge.calibration.calibrate import calibrate_folder, fit_of
+from gelforge.calibration.fit import ENOUGH, has_converged
 from gelforge.calibration.parameters import free_of, names_of
 from gelforge.calibration.priors import Prior, prior_of, youngs_modulus_kPa
 from gelforge.calibration.results import scaled
@@ -225,6 +226,24 @@ def test_hardness_00_is_the_spring_s_balance_with_hertz_s_ball(hardness):
     E, R, depth = 1e-3 * youngs_modulus_kPa("00", hardness), 1.19, 2.5 * (1 - hardness / 100)
     hertz = 4 / 3 * E / (1 - 0.5**2) * np.sqrt(R) * depth**1.5
     assert_allclose(hertz, 0.203 + 0.00908 * hardness)
+
+
+@pytest.mark.parametrize(
+    ("step", "refused", "ends"),
+    [
+        ((0.5 * ENOUGH, -0.5 * ENOUGH), None, True),
+        ((0.5, 0.0), None, False),
+        ((0.5, 0.0), (-0.4, 0.1), True),  # back from a step that fitted no better
+        ((0.5, 0.0), (0.4, 0.1), False),  # further the same way
+        ((0.5, 0.5), (-0.4, 0.1), False),  # one parameter goes back, another still moves
+    ],
+)
+def test_a_fit_ends_at_a_small_step_or_between_two_that_fit_no_better(step, refused, ends):
+    sd, refused = np.array([1.0, 1.0]), None if refused is None else np.array(refused)
+    assert has_converged(np.array(step), sd, refused) == ends
+    # only steps per standard deviation count
+    scaled_up = None if refused is None else 3 * refused
+    assert has_converged(3 * np.array(step), 3 * sd, scaled_up) == ends
 
 
 def test_columns_follow_what_a_step_has_changed(recording, tmp_path):

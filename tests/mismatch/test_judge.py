@@ -14,7 +14,7 @@ from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.evidence.problem import secant
 from gelforge.mismatch.evidence.refit import refitted
 from gelforge.mismatch.evidence.screen import screened
-from gelforge.mismatch.inference.judge import _alarm, judge
+from gelforge.mismatch.inference.judge import _alarm, forces_after, judge
 from gelforge.mismatch.thresholds import FORM_ERRORS, LEFT_P, MOST_EFFECTS, PLACE_ERROR
 from gelforge.progress import Stages, show
 
@@ -93,6 +93,25 @@ def test_of_two_effects_each_has_a_group_and_one_without_solution_gives_way():
     found = judge(replace(problem, forces_with=stuck), SETTINGS, seed=1)
     assert first not in [part.name for part in found.answer.fit.parts]
     assert any(first.replace("_", " ") in note and "the gel folds" in note for note in found.notes)
+
+
+def test_forces_that_cannot_be_solved_with_the_answer_follow_its_columns():
+    base = artificial.context(13, per_side=3)
+    problem = problem_of(artificial.with_effect(base, "gel_stiffness", [0.3], np.random.default_rng(14)))
+    fit = judge(problem, SETTINGS, seed=1).answer.fit
+
+    def stuck(terms, rows):
+        raise NotConverged("the gel folds")
+
+    solved, nothing = forces_after(problem, fit)
+    linear, why = forces_after(replace(problem, forces_with=stuck), fit)
+    assert nothing == "" and "the gel folds" in why
+    expected = problem.base[problem.observations.read] + fit.columns @ np.concatenate(fit.theta)
+    # sensitivities about the fit and about none of the effect agree to rounding of their differences
+    assert_allclose(linear[problem.observations.read], expected, rtol=1e-7)
+    assert (
+        np.abs(linear - solved).max() < 0.1 * np.abs(solved - problem.base).max()
+    )  # the gel's change is near to linear
 
 
 @pytest.mark.thorough

@@ -26,6 +26,7 @@ from gelforge.mismatch.inference.fits import (
     forces_of,
     placed,
     through_solutions,
+    words_of,
 )
 from gelforge.mismatch.inference.holdout import Blocks, Proof, after_penalty, folds_of, proof_of, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior, chance_of_known, posterior_of
@@ -91,8 +92,8 @@ def explained(
     problem, posterior = fits.problem, fits.posterior
     stage("values of the answer at their plausible widths")
     fit, note = _at_prior_sd(real, problem, posterior.sets[mode], fits.fits[mode])
-    notes += [note] if note else []
-    after = forces_of(problem, fit)
+    after, unsolved = forces_after(problem, fit)
+    notes += [one for one in (note, unsolved) if one]
     left = problem.observations.flat(problem.observations.force - after)
     uncertain = problem.with_model_error(fit.terms)
     stage("the answer on held-out readings, and what it leaves")
@@ -112,6 +113,21 @@ def explained(
         posterior,
         notes,
     )
+
+
+def forces_after(problem: Problem, fit: Refitted) -> tuple[np.ndarray, str]:
+    """Return the forces (R, 3) [N] with the answer's effects, and why they are not solved, if so.
+
+    The last values of a fit are not always solved: a defect may be placed where the finite elements do not converge. Then
+    the forces follow the fit's columns, which are those of the real model near by.
+    """
+    try:
+        return forces_of(problem, fit), ""
+    except (NotConverged, ConfigError) as failure:
+        names = words_of(frozenset(part.name for part in fit.parts))
+        return forces_of(
+            problem.linearised(), fit
+        ), f"forces with {names} follow sensitivities, as they could not be solved: {failure}"
 
 
 def _at_prior_sd(
