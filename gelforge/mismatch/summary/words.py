@@ -100,6 +100,11 @@ def _left_over(judgement: Judgement) -> list[str]:
     left = judgement.answer.adequacy
     if left.p > ADEQUATE_P:
         return []
+    if left.p <= LEFT_P and judgement.model is not None:
+        return [
+            f"the answer leaves more than noise (p = {left.p:.2g}), most clearly {left.scan.best.name}: a change of"
+            f" {judgement.model.kernel.words} is modelled next to it"
+        ]
     return [
         f"something small may be there in addition to the answer, most clearly {left.scan.best.name}: as much is left by"
         f" chance with p = {left.p:.2g}; below {LEFT_P:g} nothing would have been identified"
