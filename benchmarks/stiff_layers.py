@@ -195,8 +195,9 @@ def likeliest(power: float, decay: float) -> dict[str, str]:
 def nominal_shares(name: str, x: float, y: float, mesh: str) -> tuple[np.ndarray, np.ndarray]:
     """Return errors and a verdict's bars (D, 3) of totals over Fz of the reference."""
     found, true = solved(name, x, y, mesh), solved(name, x, y, None)["total"]
-    size = np.abs(true[:, 2:])
-    return (found["total"] - true) / size, base_bars(found["total"], found["coarse_total"]) / size
+    study, size = study_of(name, MESHES[mesh]), np.abs(true[:, 2:])
+    at = resolution_of(study.sensor, study.mechanics.mesh, laws_of(study, []), x, y)
+    return (found["total"] - true) / size, base_bars(found["total"], found["coarse_total"], at) / size
 
 
 def row(
