@@ -36,7 +36,7 @@ from gelforge.indentation.solving.error_bars import SHARE_BENDING, Companion, er
 from gelforge.indentation.solving.resolution import DECAY, Resolution, resolution_of
 from gelforge.indentation.solving.simulate import simulate_cell
 from gelforge.laws_of_study import laws_of
-from gelforge.mismatch.fem.solver import base_bars
+from gelforge.mismatch.fem.base_bars import base_bars
 from gelforge.progress import Progress, show
 
 KEPT = Path("results/stiff_layers")

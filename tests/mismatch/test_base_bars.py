@@ -10,8 +10,8 @@ from gelforge.config import load_study
 from gelforge.indentation.solving.error_bars import layer_totals
 from gelforge.indentation.solving.resolution import Resolution, resolution_of
 from gelforge.laws_of_study import laws_of
+from gelforge.mismatch.fem.base_bars import PART, base_bars
 from gelforge.mismatch.fem.nominal import large_elements
-from gelforge.mismatch.fem.solver import PART, base_bars
 
 # Fx and Fz [N] of the small sensor of validation/, from 0.8 mm on, 6 mm next to its middle and 6 mm along each axis:
 # on elements of 0.3 mm and of 0.6 mm, and FElupe's (validation.checks.between_codes --bases concealed --sizes 0.3 0.6)

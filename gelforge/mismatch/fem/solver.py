@@ -17,11 +17,11 @@ import numpy as np
 from gelforge.config import Study
 from gelforge.indentation.effects.catalogue import with_keys
 from gelforge.indentation.paths.planned_cell import PlannedCell
-from gelforge.indentation.solving.error_bars import COARSER, CROSS_TOTALS, layer_totals
-from gelforge.indentation.solving.resolution import Resolution, resolution_of
+from gelforge.indentation.solving.error_bars import COARSER
 from gelforge.indentation.solving.sensitivities import unmirrored
 from gelforge.mechanics.solving.equilibrium import NotConverged
 from gelforge.mismatch.fem.asked import Asked, asked_of, carried_derivatives, observed_by, reaches
+from gelforge.mismatch.fem.base_bars import PART, base_bars, known_resolution
 from gelforge.mismatch.fem.solutions import (
     Solver,
     SolverFailed,
@@ -42,10 +42,6 @@ from gelforge.mismatch.readings.observations import Observations
 from gelforge.mismatch.readings.runs import Runs, runs_of, timed_runs_of
 
 Choice = tuple[Effect, Hyperparameters, np.ndarray]
-# Of the difference to the mesh of twice the sizes, root mean square over depths. Labels take 0.05 (error_bars.py), which
-# meshes of half the sizes ask for; FElupe's forces, which share no elements with ours, differ by more
-# (tests/mismatch/test_base_bars.py, `python benchmarks/stiff_layers.py --nominal`).
-PART = 0.2
 
 
 @dataclass(frozen=True)
@@ -121,7 +117,11 @@ def base_of(solver: Solver, observations: Observations, effects: Iterable[Effect
     companion = _companion_curves(solver, ways, curves.values) or on_coarse.values
     by_site = zip(ways, curves.values, companion)
     bars = Curves(
-        depths, tuple(base_bars(own, other, _resolution(solver, way)) for way, own, other in by_site)
+        depths,
+        tuple(
+            base_bars(own, other, known_resolution(solver.study, solver.laws, way))
+            for way, own, other in by_site
+        ),
     )
     solution = _solved_once(solver, ways)[observations.table["site"].to_numpy()]
     return Base(context, ways, coarse, loading, finer, stacked, blank.on_readings(bars), solution, failed)
@@ -367,41 +367,3 @@ def _solved(solved: list) -> list:
     if reasons := [one for one in solved if isinstance(one, str)]:
         raise NotConverged(reasons[0])
     return solved
-
-
-def _resolution(solver: Solver, way: PlannedCell) -> Resolution | None:
-    """Return how finely the mesh resolves layers and walls around a site; None where the study states its error."""
-    study = solver.study
-    if study.mismatch.discretisation is not None:
-        return None
-    return resolution_of(study.sensor, study.mechanics.mesh, solver.laws, way.x_mm, way.y_mm)
-
-
-def base_bars(total: np.ndarray, coarse: np.ndarray, resolution: Resolution | None) -> np.ndarray:
-    """Return the error bars of the forces of a loading.
-
-    Where the indenter has all but left the gel there is nothing to be a share of: the difference itself is given.
-
-    Parameters
-    ----------
-    total : numpy.ndarray
-        (D, 3) [N].
-    coarse : numpy.ndarray
-        (D, 3) [N], on the mesh of twice the sizes.
-    resolution : Resolution or None
-        Of the site, for the parts that layers and walls have in the error bars of labels. None: there are none.
-
-    Returns
-    -------
-    numpy.ndarray
-        (D, 3) [N], one standard deviation.
-    """
-    size = np.linalg.norm(total, axis=1, keepdims=True)
-    difference = total - coarse
-    carries = (size > 1e-3 * size.max()).ravel()  # below, the indenter is about to leave
-    x, y, z = ((difference[carries] / size[carries]) ** 2).sum(axis=0) / max(carries.sum(), 1)
-    horizontal = np.sqrt(PART**2 * (x + y) / 2 + CROSS_TOTALS**2 * z)
-    sigma = np.array([horizontal, horizontal, PART * np.sqrt(z)]) * size
-    if resolution is not None:
-        sigma = np.hypot(sigma, layer_totals(total, resolution))
-    return np.where(carries[:, None], sigma, np.maximum(sigma, PART * np.abs(difference)))
