@@ -53,17 +53,23 @@ def table_of_left_out(folder: Path) -> str:
         verdict, effect = sealing.read(path), case["truth"]["effects"][0]
         state, groups = state_of(verdict), answer_of(verdict)
         answer = "; ".join(f"{' | '.join(names)} ({p:.2f})" for names, p in groups)
-        sure = state in NAMES and any(p >= CONFIDENT for _, p in groups)
-        rows.append((case["name"], effect["name"], effect["form"], effect["snr"], state, answer, sure))
-    columns = ["case", "left out", "form", "SNR", "state", "answer", "sure"]
+        sure = [names for names, p in groups if state in NAMES and p >= CONFIDENT]
+        # a cause with a free form that generalises the deleted effect is the same physics
+        free_form = any(effect["name"] in names for names in sure)
+        wrong = any(effect["name"] not in names for names in sure)
+        rows.append(
+            (case["name"], effect["name"], effect["form"], effect["snr"], state, answer, free_form, wrong)
+        )
+    columns = ["case", "left out", "form", "SNR", "state", "answer", "free form", "wrong"]
     table = pd.DataFrame(rows, columns=columns)
     rates = {
         "no name": Rate(int(table["state"].isin(NO_NAME).sum()), len(table)),
         "nothing said": Rate(int(table["state"].isin(SAYS_NOTHING).sum()), len(table)),
-        "another effect, sure of it": Rate(int(table["sure"].sum()), len(table)),
+        "identified as a free form of the deleted effect": Rate(int(table["free form"].sum()), len(table)),
+        "another effect, sure of it": Rate(int(table["wrong"].sum()), len(table)),
     }
     text = "\n".join(f"- {name}: {rate.words}" for name, rate in rates.items())
-    text = f"{table.drop(columns='sure').to_markdown(index=False)}\n\n{text}\n"
+    text = f"{table.drop(columns=['free form', 'wrong']).to_markdown(index=False)}\n\n{text}\n"
     (folder / "left_out.md").write_text(text, encoding="utf-8")
     return text
 
