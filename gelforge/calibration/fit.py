@@ -179,7 +179,7 @@ def calibrated(solver: Solver, observations: Observations, free: Sequence[Free])
 
 
 def has_converged(step: np.ndarray, sd: np.ndarray, refused: np.ndarray | None) -> bool:
-    """Return whether a fit ends: its step (q,) is small, or goes back where it is not.
+    """Return whether a fit ends: each parameter's step is small, or opposite to the refused step.
 
     Where a surface begins to slip, the sensitivities of either side point to the other one. Then no step is small, and the
     estimate lies between two that fit no better.

@@ -233,6 +233,7 @@ def test_hardness_00_is_the_spring_s_balance_with_hertz_s_ball(hardness):
     [
         ((0.5 * ENOUGH, -0.5 * ENOUGH), None, True),
         ((0.5, 0.0), None, False),
+        ((-0.5, 0.0), None, False),
         ((0.5, 0.0), (-0.4, 0.1), True),  # back from a step that fitted no better
         ((0.5, 0.0), (0.4, 0.1), False),  # further the same way
         ((0.5, 0.5), (-0.4, 0.1), False),  # one parameter goes back, another still moves

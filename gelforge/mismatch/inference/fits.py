@@ -129,6 +129,43 @@ def forces_of(problem: Problem, fit: Refitted) -> np.ndarray:
     return problem.forces_with(fit.terms, np.ones(len(problem.base), bool))
 
 
+def solved_or_linear(problem: Problem, terms: Sequence[Term]) -> tuple[np.ndarray, str]:
+    """Return the forces at all readings with effects, and why they are not solved, if so.
+
+    The last values of a fit are not always solved: a defect may be placed where the finite elements do not converge. Then
+    what is solved changes the forces by the terms' own columns, which are those of solutions near by.
+
+    Parameters
+    ----------
+    problem : Problem
+        R readings.
+    terms : sequence of (Candidate, numpy.ndarray)
+        Effects with columns at their places, and parameters.
+
+    Returns
+    -------
+    numpy.ndarray
+        (R, 3) [N].
+    str
+        Empty where the forces are solved.
+    """
+
+    def change_of(solved: Sequence[Term], rows: np.ndarray) -> np.ndarray:
+        change = np.zeros_like(problem.base)
+        change[problem.observations.read] = sum(part.columns @ np.asarray(a) for part, a in solved)
+        return change
+
+    every = np.ones(len(problem.base), bool)
+    try:
+        return problem.forces_with(terms, every), ""
+    except (NotConverged, ConfigError) as failure:
+        why = f"could not be solved, sensitivities are used: {failure}"
+    names = words_of(frozenset(part.name for part, _ in terms))
+    return problem.with_changes(problem.solves, change_of).forces_with(
+        terms, every
+    ), f"forces with {names} {why}"
+
+
 def through(problem: Problem, fit: Refitted, change: np.ndarray) -> Problem:
     """Return the problem with the fitted effects' columns through their change (n,) [N]; itself where that is linear.
 
@@ -251,7 +288,7 @@ def chosen_sites(problem: Problem, linear: np.ndarray, parts: Sequence[Candidate
     """
     site = problem.observations.table["site"].to_numpy()
     size = np.sqrt(np.bincount(site, (linear**2).sum(axis=1), len(problem.observations.sites)))
-    observable = np.flatnonzero(size > OBSERVABLE * size.max())
+    observable = np.flatnonzero(size >= OBSERVABLE * size.max())  # all, of a change that is nothing anywhere
     places = problem.observations.sites[observable]
     if all(not part.located and problem.effects[part.name].turned is unturned for part in parts):
         folded = np.sort(np.abs(places - places.mean(axis=0)).round(3), axis=1)

@@ -23,10 +23,9 @@ from gelforge.mismatch.inference.fits import (
     at_few_sites,
     by_columns,
     fitted,
-    forces_of,
     placed,
+    solved_or_linear,
     through_solutions,
-    words_of,
 )
 from gelforge.mismatch.inference.holdout import Blocks, Proof, after_penalty, folds_of, proof_of, split
 from gelforge.mismatch.inference.posterior import Effects, Posterior, chance_of_known, posterior_of
@@ -92,7 +91,7 @@ def explained(
     problem, posterior = fits.problem, fits.posterior
     stage("values of the answer at their plausible widths")
     fit, note = _at_prior_sd(real, problem, posterior.sets[mode], fits.fits[mode])
-    after, unsolved = forces_after(problem, fit)
+    after, unsolved = solved_or_linear(problem, fit.terms)
     notes += [one for one in (note, unsolved) if one]
     left = problem.observations.flat(problem.observations.force - after)
     uncertain = problem.with_model_error(fit.terms)
@@ -113,21 +112,6 @@ def explained(
         posterior,
         notes,
     )
-
-
-def forces_after(problem: Problem, fit: Refitted) -> tuple[np.ndarray, str]:
-    """Return the forces (R, 3) [N] with the answer's effects, and why they are not solved, if so.
-
-    The last values of a fit are not always solved: a defect may be placed where the finite elements do not converge. Then
-    the forces follow the fit's columns, which are those of the real model near by.
-    """
-    try:
-        return forces_of(problem, fit), ""
-    except (NotConverged, ConfigError) as failure:
-        names = words_of(frozenset(part.name for part in fit.parts))
-        return forces_of(
-            problem.linearised(), fit
-        ), f"forces with {names} follow sensitivities, as they could not be solved: {failure}"
 
 
 def _at_prior_sd(

@@ -8,6 +8,7 @@ import pandas as pd
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.images.flow_images import region_middles
 from gelforge.mismatch.inference.discrepancy import Modelled
+from gelforge.mismatch.inference.fits import solved_or_linear
 from gelforge.mismatch.inference.judge import Judgement
 from gelforge.mismatch.inference.scan import global_test
 from gelforge.mismatch.result import verdict as form
@@ -72,7 +73,7 @@ def after_of(joint: Problem, judgement: Judgement) -> np.ndarray | None:
     if joint.flow is None or judgement.answer is None:
         return None
     terms = [(joint.at_its_place(part), a) for part, a in judgement.answer.fit.terms]
-    return joint.forces_with(terms, np.ones(len(joint.base), bool))
+    return solved_or_linear(joint, terms)[0]
 
 
 def flow_section(joint: Problem, judgement: Judgement, after: np.ndarray | None) -> form.Flow | None:

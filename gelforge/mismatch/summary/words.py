@@ -100,7 +100,9 @@ def _left_over(judgement: Judgement) -> list[str]:
     left = judgement.answer.adequacy
     if left.p > ADEQUATE_P:
         return []
-    if left.p <= LEFT_P and judgement.model is not None:
+    if left.p <= LEFT_P:  # then a cause is modelled, next to the answer or in its place
+        if judgement.model is None or not judgement.model.with_effects:
+            return []
         return [
             f"the answer leaves more than noise (p = {left.p:.2g}), most clearly {left.scan.best.name}: a change of"
             f" {judgement.model.kernel.words} is modelled next to it"
