@@ -39,7 +39,7 @@ ORDER = (
 # credible sets of 0.95 and five states.
 BY_EFFECT = ("twentieth", "twentyfirst")
 ONE_PRIOR = ("twentysecond", "twentythird")
-TODAY = ("twentyfourth",)
+TODAY = ("twentyfourth", "twentyfifth")
 LINEAR = (*BY_EFFECT, *ONE_PRIOR, *TODAY)
 # What is added up: judges of one kind. From the fifteenth set on known effects share odds by a tempering exponent of 0.4;
 # from the sixteenth on values follow all readings.

@@ -17,7 +17,8 @@ HEAD = """\
 
 Written by `python -m validation trust` from archived verdicts; [how reliable verdicts are](../validation.md) explains them.
 All recordings are SYNTHETIC: another finite-element code made them, and their truths were sealed before they were judged.
-Today's judge answered the twenty-fourth set, of the small sensor without friction. Earlier judges answered the others: the
+Today's judge answered the twenty-fourth set, of the small sensor without friction, and the twenty-fifth, of a wide one with
+friction. The error bars of nominal forces have changed since. Earlier judges answered the others: the
 twenty-second and twenty-third hold both sensors, the twentieth the small one, the twenty-first a wide one with friction.
 Rates have 95 % intervals; SNR is the signal-to-noise ratio of what is hidden.
 

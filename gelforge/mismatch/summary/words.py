@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from gelforge.mismatch.evidence.gaussian import NOTHING
 from gelforge.mismatch.evidence.problem import Problem
 from gelforge.mismatch.inference.judge import Answer, Judgement
 from gelforge.mismatch.result import verdict as form
-from gelforge.mismatch.thresholds import ADEQUATE_P, LEFT_P
+from gelforge.mismatch.thresholds import ADEQUATE_P, ALARM_P, LEFT_P
 
 
 def sentence_of(problem: Problem, judgement: Judgement) -> str:
@@ -20,7 +21,13 @@ def sentence_of(problem: Problem, judgement: Judgement) -> str:
 def _headline(problem: Problem, judgement: Judgement, brief: bool) -> str:
     state, answer = judgement.state, judgement.answer
     if state == "consistent":
-        return f"Simulation and readings agree within their errors (p = {judgement.mismatch.p:.2g})."
+        p, nothing = judgement.mismatch.p, judgement.posterior.probability[NOTHING]
+        if p < ALARM_P:
+            return (
+                f"One test differs (p = {p:.2g}), but that nothing is missing stays probable ({nothing:.2f});"
+                " more indentations would decide."
+            )
+        return f"Simulation and readings agree within their errors (p = {p:.2g})."
     if answer is None and state == "inconclusive":
         return "Simulation and readings agree, but these readings could not show plausible values of most effects."
     if state == "identified":
