@@ -8,6 +8,7 @@ import pytest
 
 from gelforge.mismatch.effects import CATALOGUE
 from gelforge.mismatch.effects.force_frame import READ
+from gelforge.mismatch.evidence.gaussian import NOTHING
 from gelforge.mismatch.free_forms import modules_of
 from gelforge.mismatch.summary.words import sentence_of
 
@@ -38,14 +39,14 @@ def answer_of(*names, like=("tilt",), alternatives=()):
     return SimpleNamespace(fit=fit, groups=groups, sure=groups, adequacy=adequacy)
 
 
-def headline(state, answer=None, model=None, out_of_range=False):
+def headline(state, answer=None, model=None, out_of_range=False, p=0.0123):
     words = "all forces in proportion from one indentation to the next"
     judgement = SimpleNamespace(
         state=state,
-        posterior=SimpleNamespace(discrepancy_words=words),
+        posterior=SimpleNamespace(discrepancy_words=words, probability={NOTHING: 0.16}),
         answer=answer,
         model=model,
-        mismatch=SimpleNamespace(p=0.0123),
+        mismatch=SimpleNamespace(p=p),
         out_of_range=out_of_range,
     )
     return sentence_of(PROBLEM, judgement)
@@ -83,6 +84,7 @@ def test_free_forms_and_no_answer_fit_and_the_value_is_said_where_it_fits():
     unknown = answer_of("tilt")
     for said in (
         headline("consistent"),
+        headline("consistent", p=1.2e-5),
         headline("inconclusive"),
         headline("unexplained"),
         headline("unexplained", unknown),

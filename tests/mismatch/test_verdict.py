@@ -103,6 +103,16 @@ def test_the_schema_is_current_and_each_state_has_its_form():
     for state in ("unexplained", "inconclusive"):
         assert Verdict.model_validate(content(state=state)).answer  # the leading explanation is kept
 
+    # What is consistent asks for more where one test differs
+    plain = content(state="consistent", answer=[])
+    tests = plain["mismatch"] | {"p": 0.5, "scan_p": 0.5, "unknown_p": None, "known_p": None}
+    steps = [
+        Verdict.model_validate(plain | {"mismatch": tests | {name: 0.005}}).next_step
+        for name in ("p", "scan_p", "unknown_p", "known_p")
+    ]
+    calm = Verdict.model_validate(plain | {"mismatch": tests})
+    assert not calm.mismatch.differs and len(set(steps)) == 1 and calm.next_step not in steps
+
     # Neither odds within a group nor the held out gain is a condition of a name
     both = [{"members": ["gel_stiffness", "friction"], "probability": 0.95}]
     fit = content()["fit"] | {"held_out": None}

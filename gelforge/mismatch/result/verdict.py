@@ -14,7 +14,7 @@ from gelforge.files import read_product_json, write_product_json
 from gelforge.mismatch.model.effect import FAMILIES
 from gelforge.mismatch.readings.observations import SetAside
 from gelforge.mismatch.result.scores import HeldOut, Score, ThreeAxes
-from gelforge.mismatch.thresholds import ADEQUATE_P, DECISIVE, LEFT_P, SAME_READINGS_SNR, SURE
+from gelforge.mismatch.thresholds import ADEQUATE_P, ALARM_P, DECISIVE, LEFT_P, SAME_READINGS_SNR, SURE
 
 FORMAT: Final = "gelforge-verdict-5"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
@@ -151,6 +151,11 @@ class Mismatch(Section):
         None, description="Bound on that of so much evidence for a discrepancy by chance [-]"
     )
     known_p: Probability | None = Field(None, description="Bound on the same for the known effects [-]")
+
+    @property
+    def differs(self) -> bool:
+        """Return whether a test differs, by itself no alarm."""
+        return min(p for p in (self.p, self.scan_p, self.unknown_p, self.known_p) if p is not None) < ALARM_P
 
 
 class Adequacy(Section):
@@ -308,6 +313,8 @@ class Verdict(Section):
     def next_step(self) -> str:
         """Return what to do next, in one line."""
         if self.state == "consistent":
+            if self.mismatch.differs:
+                return "Record more indentations and judge all sessions together."
             return "Use the labels as they are."
         if self.model is not None and self.model.corrects_labels and not self.identified:
             return "Correct simulated forces by correction.csv within its depths and positions."
