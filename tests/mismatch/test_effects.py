@@ -298,6 +298,10 @@ def test_what_the_base_does_not_assume_is_not_put_right(name):
     ("name", "sensor_or_mechanics"),
     [
         ("wall_stiffness", {"sensor": {"wall_mm": 0.0}}),
+        (  # the wall is gel then
+            "wall_stiffness",
+            {"sensor": {"layers": [{"name": "gel", "thickness_mm": 6.0, "material": "soft"}]}},
+        ),
         (
             "skin_stiffness",
             {"sensor": {"layers": [{"name": "gel", "thickness_mm": 6.0, "material": "soft"}]}},

@@ -224,8 +224,8 @@ def is_block(study: Study) -> bool:
 
 
 def has_wall(study: Study) -> bool:
-    """Whether the sensor is a block with a wall around the gel."""
-    return study.sensor.wall_mm > 0 and is_block(study)
+    """Whether the sensor is a block with a wall around the gel: without a second layer the wall is gel."""
+    return study.sensor.wall_mm > 0 and len(study.sensor.layers) > 1 and is_block(study)
 
 
 def pressed_by_balls(study: Study) -> bool:
