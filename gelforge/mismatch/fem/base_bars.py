@@ -18,8 +18,9 @@ PART = 0.2
 # Of the vertical difference, on sideways forces: near a wall they lean on it. Labels have 0.02; with it errors are up to 1.7
 # bars in the root mean square, with this 1.4 (meshes of `python benchmarks/stiff_layers.py --nominal`).
 CROSS = 0.04
-# Of a sideways force itself, which errs by wall and skin: errors are then 0.5 to 1.4 bars on these meshes, and next to
-# FElupe's forces. The share of walls that labels have is several times what is found where these forces are small.
+# Of a sideways force itself, which errs by wall and skin: errors are then 0.5 to 1.4 bars on these meshes
+# (docs/results/stiff-layers.md) and next to FElupe's forces. The share of walls that labels have is several times what is
+# found where these forces are small.
 SIDEWAYS = 0.05
 
 

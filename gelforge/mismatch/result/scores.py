@@ -12,6 +12,7 @@ from pydantic import Field
 from gelforge.config import NonNegative, Section
 from gelforge.mismatch.thresholds import HELD_OUT_ERRORS, HELD_OUT_ODDS
 
+Probability = Annotated[float, Field(ge=0, le=1)]
 ThreeAxes = Annotated[list[float | None], Field(min_length=3, max_length=3)]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -13,13 +13,13 @@ from gelforge.config import Name, NonNegative, Positive, Section
 from gelforge.files import read_product_json, write_product_json
 from gelforge.mismatch.model.effect import FAMILIES
 from gelforge.mismatch.readings.observations import SetAside
-from gelforge.mismatch.result.scores import HeldOut, Score, ThreeAxes
-from gelforge.mismatch.thresholds import ADEQUATE_P, ALARM_P, DECISIVE, LEFT_P, SAME_READINGS_SNR, SURE
+from gelforge.mismatch.result.residual import Adequacy, Mismatch
+from gelforge.mismatch.result.scores import HeldOut, Probability, Score, ThreeAxes
+from gelforge.mismatch.thresholds import DECISIVE, LEFT_P, SAME_READINGS_SNR, SURE
 
 FORMAT: Final = "gelforge-verdict-5"
 VERDICT, PATCH, PAGE = "verdict.json", "config.patch.yaml", "report.html"
 State = Literal["consistent", "identified", "ambiguous", "inconclusive", "unexplained"]
-Probability = Annotated[float, Field(ge=0, le=1)]
 Interval = tuple[float, float]
 
 
@@ -138,44 +138,6 @@ class Fit(Section):
     held_out: HeldOut | None = Field(None, description="All blocks that were held out, together")
     held_out_blocks: list[HeldOut] = Field([], description="Each of them")
     flow: Flow | None = Field(None, description="The images' channel, where there is one")
-
-
-class Mismatch(Section):
-    """Whether the nominal model explains the readings."""
-
-    chi2: NonNegative = Field(description="Squared whitened residual, summed [-]")
-    degrees: int = Field(ge=0, description="Its number of degrees of freedom [-]")
-    p: Probability = Field(description="Of as much by chance [-]")
-    scan_p: Probability = Field(description="Of the strongest pattern by chance, looked for everywhere [-]")
-    unknown_p: Probability | None = Field(
-        None, description="Bound on that of so much evidence for a discrepancy by chance [-]"
-    )
-    known_p: Probability | None = Field(None, description="Bound on the same for the known effects [-]")
-
-    @property
-    def differs(self) -> bool:
-        """Return whether a test differs, by itself no alarm."""
-        return min(p for p in (self.p, self.scan_p, self.unknown_p, self.known_p) if p is not None) < ALARM_P
-
-
-class Adequacy(Section):
-    """Whether the answer leaves nothing but noise."""
-
-    p: Probability = Field(description="Of what remains, by chance, as the mismatch's p [-]")
-    scan_p: Probability = Field(description="Of the strongest remaining pattern by chance [-]")
-    remains: str = Field("", description="The strongest remaining pattern, in words")
-
-    @property
-    def passed(self) -> bool:
-        """Return whether nothing else needs to be there."""
-        return min(self.p, self.scan_p) > LEFT_P
-
-    @property
-    def words(self) -> str:
-        """Return what is left, in words."""
-        if not self.passed:
-            return "something remains"
-        return "only noise remains" if min(self.p, self.scan_p) > ADEQUATE_P else "something small may remain"
 
 
 class DetectionLimit(Section):
