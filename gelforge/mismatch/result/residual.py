@@ -41,7 +41,7 @@ class Adequacy(Section):
 
     @property
     def words(self) -> str:
-        """Return what is left, in words."""
+        """Return the residual, in words."""
         if not self.passed:
             return "something remains"
         return "only noise remains" if min(self.p, self.scan_p) > ADEQUATE_P else "something small may remain"
