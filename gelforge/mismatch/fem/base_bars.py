@@ -16,8 +16,8 @@ from gelforge.mechanics.laws.law import PrincipalLaw
 # then errs by 0.2 to 1.4 bars (docs/results/stiff-layers.md). Labels take 0.05; another code differs by more
 # (python -m validation.checks.between_codes): judgement.
 PART = 0.2
-# Of the vertical difference, on sideways forces: near a wall they lean on it. Twice what labels have, whose share of walls is
-# left out here (judgement; docs/results/stiff-layers.md).
+# Of the vertical difference, on sideways forces: near a wall they lean on it. Twice what labels have, whose share of walls
+# is left out here (judgement; docs/results/stiff-layers.md).
 CROSS = 0.04
 # Of a sideways force itself, which errs by wall and skin: errors are then at most 2.0 bars in the root mean square on every
 # sensor and mesh of docs/results/stiff-layers.md.
